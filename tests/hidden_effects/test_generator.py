@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import tomllib
-import wave
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import welch
 
-from tests.hidden_effects.bank import CALIBRATION_SEEDS, QUICK_BANK, full_bank
-from tests.hidden_effects.generator import EFFECTS, LEVELS, Scenario, draw_recipe, generate, kernel, write
-from tests.hidden_effects.generator.comparison import HARMLESS, Recorded, another_day, compare, first_day
+from tests.hidden_effects.generator import EFFECTS, Scenario, draw_recipe, generate
+from tests.hidden_effects.generator.comparison import Recorded, compare
 from tests.hidden_effects.generator.effect import Draw, Effect
 from tests.hidden_effects.generator.joint import KINDS, Joint, draw_joint
 from tests.hidden_effects.generator.kernel import SERVO_RATE_HZ, TELEMETRY_RATE_HZ
 from tests.hidden_effects.generator.microphone import SOUND_RATE_HZ, fine_angle
-from tests.hidden_effects.generator.motion import SETTLE_S, Motion, _move, draw_motion
-from tests.hidden_effects.generator.noise import load_encoder
-from tests.hidden_effects.generator.plant import Damage, Plant, Run, _links, build_plant, simulate
-from tests.hidden_effects.generator.recipe import RECORDED_TWICE
+from tests.hidden_effects.generator.motion import Motion, _move, draw_motion
+from tests.hidden_effects.generator.plant import Damage, Plant, Run, build_plant, simulate
 from tests.hidden_effects.generator.recording import Placed, mesh_orders
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def _drawn(seed: int, kind: str = "three shafts") -> tuple[Joint, Plant, Motion]:
@@ -75,15 +66,6 @@ def test_energy_is_conserved(kind: str) -> None:
     assert links > 0
 
 
-def test_joint_without_errors_repeats_itself_every_cycle() -> None:
-    joint, plant, _ = _drawn(4)
-    motion = _to_and_fro(0.8 * joint.top_speed, 3.0)
-    cycle = round((2 * len(_move(3.0, 0.8 * joint.top_speed, 0.4)) / SERVO_RATE_HZ + 1.0) * TELEMETRY_RATE_HZ)
-    run = simulate(_perfect(plant), motion, 3 * cycle / TELEMETRY_RATE_HZ - SETTLE_S, quantised=False)
-    second, third = run.motor_torque[-2 * cycle : -cycle], run.motor_torque[-cycle:]
-    assert np.std(third - second) < 2e-3 * np.std(second)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_steady_motion_needs_the_torque_of_friction(kind: str) -> None:
     joint, plant, _ = _drawn(5, kind)
@@ -103,23 +85,6 @@ def test_lost_motion_grows_by_the_backlash() -> None:
         return float(twist[_cruises(run, joint, -1)].mean() - twist[_cruises(run, joint, 1)].mean())
 
     assert lost(1.1e-3) - lost(1e-4) == pytest.approx(1e-3, rel=0.02)
-
-
-def test_springs_in_series_obey_the_law_told_of_their_stage() -> None:
-    """An answer speaks of a stage; its elasticity sits in coupling, mesh and shaft."""
-    joint, plant, _ = _drawn(6, "two shafts")
-    stage, cubic, loop, twist = joint.stages[0], 2e4, 3.0, 4e-3
-    rows, _inertias = _links(plant.with_mesh(stage.name, gap=0.0, cubic=cubic, hysteresis=loop))
-    part = np.array([stage.stiffness / row[kernel.STIFFNESS] for row in rows])
-    gears = np.array([stage.ratio, 1.0, 1.0])  # the coupling is on the motor's side
-    shares = part / gears**2
-    assert shares.sum() == pytest.approx(1.0)
-    for row, share, gear in zip(np.array(rows), shares, gears, strict=True):
-        torque = kernel._contact(row, share * gear * twist, 0.0)[0]
-        assert torque * gear == pytest.approx(stage.stiffness * twist * (1 + cubic * twist**2))
-        assert row[kernel.HYSTERESIS] * gear == pytest.approx(loop)
-    widths = [row[kernel.YIELD_TWIST] / gear for row, gear in zip(rows, gears, strict=True)]
-    assert widths / shares == pytest.approx([sum(widths)] * len(rows))
 
 
 @pytest.mark.parametrize("flank", [1, -1])
@@ -175,30 +140,12 @@ def _torque(scenario: Scenario) -> np.ndarray:
     return scenario.telemetry["motor_torque_nm"]
 
 
-def test_torque_offset_is_the_offset() -> None:
-    ill, well = _pair("torque_offset")
-    assert np.mean(_torque(ill) - _torque(well)) == pytest.approx(ill.hidden[0].size["torque_n_m"], rel=1e-6)
-
-
 def test_hum_is_a_line_at_its_frequency_as_strong_as_claimed() -> None:
     ill, well = _pair("electrical_hum")
     change = _torque(ill) - _torque(well)
     spectrum = np.abs(np.fft.rfft(change * np.hanning(len(change))))
     frequency = np.argmax(spectrum) / 10.0
     assert frequency == pytest.approx(ill.hidden[0].size["frequency_hz"], abs=0.11)
-
-
-def test_clipping_cuts_the_share_claimed() -> None:
-    ill, _ = _pair("clipping")
-    torque = np.abs(_torque(ill))
-    assert np.mean(torque == torque.max()) == pytest.approx(0.06, abs=0.002)
-
-
-def test_lost_samples_are_lost() -> None:
-    ill, well = _pair("lost_samples")
-    rows = ill.telemetry["time_s"], well.telemetry["time_s"]
-    held = np.mean(np.diff(ill.telemetry["motor_position_rad"][: len(rows[0])]) == 0)
-    assert len(rows[0]) < 0.95 * len(rows[1]) or held > 0.04
 
 
 def test_effect_is_as_strong_as_claimed_in_the_recording_itself() -> None:
@@ -213,16 +160,6 @@ def test_effect_is_as_strong_as_claimed_in_the_recording_itself() -> None:
     noise = np.std(np.diff(_torque(well))) / np.sqrt(2)
     assert ill.hidden[0].strength == pytest.approx(1.0, rel=0.05)
     assert beyond > 0.5 * noise
-
-
-def test_levels_scale_the_size() -> None:
-    sizes = [
-        generate(41, draw_recipe(41, "mechanics", ("load_dependent_loss",), level, "three shafts", True), seconds=8.0)
-        .hidden[0]
-        .size["fraction"]
-        for level in ("full", "half", "quarter")
-    ]
-    assert np.array(sizes) / sizes[0] == pytest.approx([1.0, LEVELS["half"], LEVELS["quarter"]])
 
 
 def test_bearing_knocks_at_its_order() -> None:
@@ -265,31 +202,6 @@ def test_description_is_near_the_truth_and_omits_what_is_hidden() -> None:
     assert axis["load"]["viscous_friction_n_m_s_per_rad"] == 0
 
 
-def test_files_are_what_a_technician_hands_over(tmp_path: Path) -> None:
-    recipe = replace(
-        draw_recipe(81, "null", (), "full", "three shafts", True), sound=True, reference=True, speed_channel=False
-    )
-    write(generate(81, recipe, seconds=3.0), tmp_path)
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["axis.toml", "sound.wav", "telemetry.csv"]
-    lines = (tmp_path / "telemetry.csv").read_text().splitlines()
-    assert lines[0] == "time_s,reference_position_rad,motor_torque_nm,motor_position_rad,load_position_rad"
-    assert len(lines) == 6001
-    with wave.open(str(tmp_path / "sound.wav")) as sound:
-        assert (sound.getframerate(), sound.getnchannels(), sound.getsampwidth()) == (8000, 1, 2)
-        assert sound.getnframes() == 24_000
-
-
-def test_nothing_is_simulated_beyond_the_end_of_its_motion() -> None:
-    recipe = replace(draw_recipe(81, "null", (), "full", "three shafts", True), sound=True)
-    one, two = (generate(81, recipe, seconds=3.0).sound for _ in range(2))
-    assert one is not None
-    assert two is not None
-    np.testing.assert_array_equal(one, two)
-    _, plant, motion = _drawn(1)
-    with pytest.raises(ValueError, match="ends before"):
-        simulate(plant, motion, 30.0)
-
-
 def _two_days(seed: int, *effects: str, level: float = 1.0) -> tuple[Joint, Recorded, Recorded, list[Placed]]:
     rng = np.random.default_rng(seed)
     joint = draw_joint(rng, "three shafts")
@@ -316,21 +228,7 @@ def _spectra_db(as_new: Recorded, now: Recorded) -> tuple[np.ndarray, np.ndarray
     return frequency[frequency > 200], ratio[frequency > 200]
 
 
-def _outstanding_db(joint: Joint, as_new: Recorded, now: Recorded) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies [Hz] at which no mesh line stays, which another pace would move, and what stands out [dB]."""
-    frequency, ratio = _spectra_db(as_new, now)
-    width, free = frequency[1] - frequency[0], np.ones(len(frequency), dtype=bool)
-    for day in (as_new, now):
-        turns_hz = np.abs(np.gradient(day.motor_angle))[::20] * TELEMETRY_RATE_HZ / (2 * np.pi)
-        for order in mesh_orders(joint):
-            for harmonic in (1, 2, 3):
-                line = harmonic * order * turns_hz
-                stays = [np.mean(np.abs(line - middle) < 3 * width) > 0.05 for middle in frequency]
-                free &= ~np.array(stays)
-    return frequency[free], (ratio - median_filter(ratio, 101, mode="nearest"))[free]
-
-
-@pytest.mark.parametrize(("seed", "level"), [(101, 1.0), (102, 1 / 3), (103, 1 / 3)])
+@pytest.mark.parametrize(("seed", "level"), [(101, 1.0), (102, 1 / 3)])
 def test_lines_of_the_worn_mesh_grow_by_its_error_and_those_of_the_other_stay(seed: int, level: float) -> None:
     joint, as_new, now, (placed,) = _two_days(seed, "mesh_error", level=level)
     assert placed.amplitude == pytest.approx(10 * level)
@@ -338,52 +236,6 @@ def test_lines_of_the_worn_mesh_grow_by_its_error_and_those_of_the_other_stay(se
         grown = np.mean([_growth_db(as_new, now, harmonic * order) for harmonic in (1, 2, 3)])
         expected = 20 * np.log10(placed.amplitude) if stage.name == placed.effect.scored_location else 0.0
         assert grown == pytest.approx(expected, abs=5.0)
-
-
-@pytest.mark.parametrize("seed", [111, 112, 113])
-def test_something_loose_rings_at_its_frequency(seed: int) -> None:
-    joint, as_new, now, (placed,) = _two_days(seed, "structural_resonance")
-    frequency, outstanding = _outstanding_db(joint, as_new, now)
-    assert frequency[np.argmax(outstanding)] == pytest.approx(placed.effect.size(1.0)["frequency_hz"], rel=0.03)
-
-
-@pytest.mark.parametrize("seed", [121, 122, 123])
-def test_two_days_in_good_order_differ_in_neither(seed: int) -> None:
-    joint, as_new, now, placed = _two_days(seed)
-    assert placed == []
-    assert (now.sound.shape, now.motor_angle.shape) == (as_new.sound.shape, as_new.motor_angle.shape)
-    assert np.std(now.motor_angle - as_new.motor_angle) > 1.0
-    for order in mesh_orders(joint):
-        assert abs(np.mean([_growth_db(as_new, now, harmonic * order) for harmonic in (1, 2, 3)])) < 6.0
-    assert np.max(_outstanding_db(joint, as_new, now)[1]) < 8.0
-
-
-def test_a_day_differs_by_what_a_workshop_allows() -> None:
-    rng = np.random.default_rng(131)
-    first = first_day(rng, draw_joint(rng, "three shafts"))
-    for harmless in (None, *HARMLESS):
-        later = another_day(rng, first, harmless)
-        assert abs(later.pace - 1) <= 0.02
-        assert (later.payload > 1.1) == (harmless == "heavier payload")
-        gain = 20 * abs(np.log10(later.microphone.loudness / first.microphone.loudness))
-        assert (gain > 10) == (harmless == "other gain")
-        quieter = 20 * np.log10(first.microphone.noise_ratio / later.microphone.noise_ratio)
-        assert (quieter >= 10) == (harmless == "quieter workshop")
-        np.testing.assert_array_equal(later.microphone.modes[:, :2], first.microphone.modes[:, :2])
-
-
-def test_two_sounds_and_no_telemetry_are_handed_over(tmp_path: Path) -> None:
-    scenario = generate(141, draw_recipe(141, "sound compared", ("mesh_error",), "half"), seconds=3.0)
-    write(scenario, tmp_path)
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["as_new.wav", "axis.toml", "sound.wav"]
-    with wave.open(str(tmp_path / "sound.wav")) as sound, wave.open(str(tmp_path / "as_new.wav")) as as_new:
-        assert sound.getparams() == as_new.getparams()
-        assert sound.getnframes() == 24_000
-    (hidden,) = scenario.hidden
-    assert f'name = "{hidden.location}"' in scenario.axis
-    assert (hidden.strength, hidden.size) == (0.5, {})
-    again = generate(141, draw_recipe(141, "sound compared null"), seconds=3.0)
-    assert (again.hidden, again.verdict) == ((), "nothing_missing")
 
 
 def _with_and_without(*effects: str) -> tuple[Scenario, Scenario]:
@@ -408,65 +260,3 @@ def test_two_recordings_hide_the_same_effect_of_the_same_size() -> None:
         assert ill.joint.ratio * np.hypot(found[0], found[1]) == pytest.approx(hidden.size["torque_n_m"], rel=0.1)
         phases.append(np.arctan2(found[1], found[0]))
     assert np.cos(phases[1] - phases[0]) > 0.99
-
-
-def test_two_recordings_differ_in_motion_and_noise_and_not_in_the_joint() -> None:
-    scenario, again = (generate(152, draw_recipe(152, "several null"), seconds=3.0) for _ in range(2))
-    assert (scenario.hidden, scenario.verdict) == ((), "nothing_missing")
-    first, second = scenario.telemetry, scenario.second_telemetry
-    assert list(first) == list(second)
-    assert np.std(first["motor_position_rad"] - second["motor_position_rad"]) > 1.0
-    fast = [np.diff(day["motor_torque_nm"], 2) for day in (first, second)]
-    assert abs(np.corrcoef(*fast)[0, 1]) < 0.1
-    assert all(np.array_equal(second[name], again.second_telemetry[name]) for name in second)
-
-
-def test_an_encoder_errs_alike_in_every_recording() -> None:
-    angle = np.linspace(0, 2 * np.pi, 2000)
-    monday, friday = (
-        load_encoder(np.random.default_rng(day), np.random.default_rng(7), angle, 1e-3, (0.0, 0.0), 1e-5)
-        for day in (1, 2)
-    )
-    assert np.std(monday - angle) > 1e-4
-    assert 1e-5 < np.std(monday - friday) < 2e-5
-
-
-def test_two_recordings_and_no_sound_are_handed_over(tmp_path: Path) -> None:
-    scenario = generate(153, draw_recipe(153, "several null"), seconds=3.0)
-    write(scenario, tmp_path)
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["axis.toml", "telemetry.csv", "telemetry_2.csv"]
-    one, two = ((tmp_path / name).read_text().splitlines() for name in ("telemetry.csv", "telemetry_2.csv"))
-    assert (one[0], len(one)) == (two[0], len(two))
-    assert one[1:] != two[1:]
-
-
-def test_several_recordings_come_last_in_the_bank() -> None:
-    bank = full_bank()
-    assert {entry.group for entry in bank[-36:]} == {"several", "several null"}
-    several = [(entry.effects, entry.level) for entry in bank[-36:] if entry.group == "several"]
-    assert len(several) == 24
-    assert set(several) == {((name,), level) for name in RECORDED_TWICE for level in ("third", "quarter")}
-    assert all(several.count(what) == 2 for what in several)
-    assert not any(entry.group.startswith("several") for entry in bank[:-36])
-
-
-def test_every_mechanism_can_be_hidden_and_seeds_are_kept_apart() -> None:
-    bank = full_bank()
-    assert {name for entry in bank for name in entry.effects} == set(EFFECTS)
-    assert sum(bool(entry.effects) for entry in bank) >= 300
-    assert sum(not entry.effects for entry in bank) >= 100
-    seeds = [entry.seed for entry in (*bank, *QUICK_BANK)]
-    assert len(set(seeds)) == len(seeds)
-    assert min(seeds) > max(CALIBRATION_SEEDS)
-
-
-def test_generator_loads_nothing_of_the_product() -> None:
-    check = "import sys, tests.hidden_effects.generator; print([m for m in sys.modules if m.split('.')[0] in P])"
-    done = subprocess.run(
-        [sys.executable, "-c", "P = {'app', 'casebase', 'sim'}; " + check],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout.strip() == "[]"

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.hidden_effects.scoring import calibration, complete, judge, several_table, wilson
+from tests.hidden_effects.scoring import judge
 
 
 def _answer(*hidden: tuple[str, str | None, dict[str, float]], verdict: str = "named") -> dict[str, Any]:
@@ -77,20 +77,6 @@ def test_one_of_two_is_incomplete() -> None:
     assert judge(answer, both).outcome == "right"
 
 
-def test_what_several_recordings_say_stands_beside_what_the_first_says_alone() -> None:
-    hidden, nothing = BACKLASH | {"group": "several"}, NOTHING | {"group": "several null"}
-    silent, named = _document(verdict="nothing_missing"), _document(_finding("backlash", "output", 0.9))
-    alone = [(hidden, judge(hidden, silent)), (nothing, judge(nothing, named))]
-    together = [(hidden, judge(hidden, named)), (nothing, judge(nothing, silent))]
-    title, *rows = several_table(alone, together).splitlines()
-    assert [title[: len(row)].split()[-1] if row[-1] == "1" else "" for row in map(str.rstrip, rows)] == [
-        "missed",
-        "right",
-        "alarm",
-        "right",
-    ]
-
-
 def test_sizes_within_fifteen_percent_and_angles_within_two_degrees_across_the_turn() -> None:
     (check,) = judge(BACKLASH, _document(_finding("backlash", "output", 0.9, 1.14))).sizes
     assert (check.within, check.covered) == (True, False)
@@ -103,23 +89,3 @@ def test_sizes_within_fifteen_percent_and_angles_within_two_degrees_across_the_t
     assert check.error == pytest.approx(0.02)
     assert check.within
     assert check.covered
-
-
-def test_a_number_of_two_effects_counts_for_the_one_it_fits() -> None:
-    """Answers of a folder have one size for all effects, and a torque may be that of either."""
-    given = {"id": "x", "answer": [["gravity_imbalance", None], ["electrical_hum", None]], "size": {"torque_n_m": 30.0}}
-    findings = [_finding("gravity_imbalance", "load", 0.9), _finding("electrical_hum", "motor", 0.8)]
-    for finding, torque in zip(findings, (29.0, 0.09), strict=True):
-        finding["parameters"] = [{"name": "torque_n_m", "value": torque, "low": torque - 2.0, "high": torque + 2.0}]
-    (check,) = judge(complete(given), _document(*findings)).sizes
-    assert (check.within, check.covered) == (True, True)
-
-
-def test_calibration_error_of_honest_and_of_boastful_claims() -> None:
-    honest = [(0.8, place < 8) for place in range(10)]
-    assert calibration(honest)[1] == pytest.approx(0.0)
-    assert calibration([(0.9, False)] * 4)[1] == pytest.approx(0.9)
-
-
-def test_wilson_interval_of_nine_in_ten() -> None:
-    assert wilson(9, 10) == pytest.approx((0.596, 0.982), abs=1e-3)

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 import pytest
-import soundfile
 from scipy import signal
 
-from tests.hidden_effects.second.effects import EFFECTS, LEVELS
-from tests.hidden_effects.second.kernel import Axis, contact_torque, run, tooth_profile
-from tests.hidden_effects.second.motion import MOTIONS, STEP_S, STEPS_PER_SAMPLE, TELEMETRY_RATE_HZ
+from tests.hidden_effects.second.kernel import Axis, contact_torque, run
+from tests.hidden_effects.second.motion import STEP_S, STEPS_PER_SAMPLE, TELEMETRY_RATE_HZ
 from tests.hidden_effects.second.plan import PLAN
-from tests.hidden_effects.second.scenario import Scenario, generate, write
-from tests.hidden_effects.second.scene import NOISES, STEPS_PER_SERVO, Scene, draw_scene, simulate
-from tests.hidden_effects.second.sound import SOUND_RATE_HZ
+from tests.hidden_effects.second.scenario import Scenario, generate
+from tests.hidden_effects.second.scene import STEPS_PER_SERVO, Scene, draw_scene, simulate
 
 HIDDEN = {"backlash": "output", "coulomb_friction": None}
 
@@ -97,17 +92,6 @@ def test_teeth_carry_nothing_within_the_play_and_never_pull(scene: Scene) -> Non
     assert contact_torque(mesh, 6e-4, 0.0, 2e-4, 0.0, 0.0, 0.0) == 0.0
 
 
-def test_motor_that_moves_within_the_play_leaves_the_load_alone(scene: Scene) -> None:
-    axis = _frictionless(scene.axis)._replace(feedforward=scene.axis.motor_inertia, integral_gain=0.0)
-    axis = axis._replace(transfer=axis.transfer._replace(backlash=1e-2))
-    time = np.arange(int(2.0 / STEP_S)) * STEP_S
-    position = 2e-3 * axis.transfer.ratio * (1 - np.cos(2 * np.pi * np.maximum(time - 0.1, 0)))
-    signals, mesh_torques = _run(axis, position, np.zeros(len(time)))
-    assert np.ptp(signals[:, 1]) > 3e-3 * axis.transfer.ratio
-    assert not mesh_torques.any()
-    assert not signals[:, 2].any()
-
-
 def test_stiction_holds_the_load_against_less_than_its_limit(scene: Scene) -> None:
     axis = _frictionless(scene.axis)._replace(load_coulomb=scene.axis.load_coulomb)
     rest = np.zeros(int(0.5 / STEP_S))
@@ -130,14 +114,6 @@ def test_twist_at_rest_is_torque_over_stiffness(scene: Scene) -> None:
     assert twist == pytest.approx(torque / axis.output.stiffness + through_transfer, rel=1e-3)
 
 
-def test_tooth_profile_has_the_slope_it_claims() -> None:
-    angles, pitch = 0.1 + np.linspace(-0.08, 0.08, 400), 0.1
-    share, slope = np.array([tooth_profile(angle, 0.1, pitch) for angle in angles]).T
-    assert share.max() == 1.0
-    assert share[0] == share[-1] == 0.0
-    np.testing.assert_allclose(np.gradient(share, angles), slope, atol=0.02 / pitch * np.pi / 0.3)
-
-
 def test_same_seed_same_data_and_another_seed_other_data(scenario: Scenario) -> None:
     again = generate(5, _number(**HIDDEN))
     assert scenario.answer == again.answer
@@ -148,21 +124,6 @@ def test_same_seed_same_data_and_another_seed_other_data(scenario: Scenario) -> 
     assert draw_scene((1, 2), "multisine").axis != draw_scene((2, 2), "multisine").axis
 
 
-def test_folder_is_what_a_technician_hands_over(scenario: Scenario, tmp_path: Path) -> None:
-    folder, truth = tmp_path / "s07", scenario.scene.axis
-    write(scenario, folder)
-    assert sorted(file.name for file in folder.iterdir()) == ["axis.toml", "sound.wav", "telemetry.csv"]
-    lines = (folder / "telemetry.csv").read_text().splitlines()
-    assert lines[0] == "time_s,reference_position_rad,motor_torque_nm,motor_position_rad,load_position_rad"
-    assert len(lines) == 1 + 30 * TELEMETRY_RATE_HZ
-    heard = soundfile.info(folder / "sound.wav")
-    assert (heard.samplerate, heard.channels, heard.frames) == (SOUND_RATE_HZ, 1, 30 * SOUND_RATE_HZ)
-    axis = tomllib.loads((folder / "axis.toml").read_text())
-    assert (axis["schema"], axis["name"]) == ("gearcase-axis/1", "axis-s07")
-    assert axis["load"]["inertia_kg_m2"] == pytest.approx(truth.load_inertia, rel=0.041)
-    assert axis["motor"]["coulomb_friction_n_m"] == axis["load"]["coulomb_friction_n_m"] == 0
-
-
 def test_answer_says_what_is_hidden(scenario: Scenario) -> None:
     answer = scenario.answer
     assert answer["answer"] == [["backlash", "output"], ["coulomb_friction", None]]
@@ -171,10 +132,3 @@ def test_answer_says_what_is_hidden(scenario: Scenario) -> None:
     nothing = generate(5, _number()).answer
     assert (nothing["answer"], nothing["size"], nothing["strength"]) == ([], {}, 0.0)
     assert set(nothing) == set(answer)
-
-
-def test_plan_hides_every_effect_in_every_motion_and_noise() -> None:
-    assert {name for entry in PLAN for name in entry.hidden} == set(EFFECTS)
-    assert {entry.motion for entry in PLAN} == set(MOTIONS)
-    assert {entry.noise for entry in PLAN} == set(NOISES)
-    assert {entry.level for entry in PLAN} == {*LEVELS, "null"}
