@@ -1,17 +1,13 @@
 """What an axis does in one of many seconds of a log, at rest before and after."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
-from sim.discrepancy.assessment.cross_validation_gain import FOLDS, _folds
 from sim.discrepancy.data.preprocessing import Measurement, prepare
 from sim.discrepancy.data.validation import examine
-from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.investigation import investigate
 
 RATE_HZ = 250.0
@@ -79,24 +75,3 @@ def test_rests_do_not_count_until_friction_slides() -> None:
     back = np.flatnonzero(np.diff(np.sign(m.slow_speed)) != 0)
     back = back[(clock[back] > MOVING_S[0] + 1.0) & (clock[back] < MOVING_S[1] - 1.0)]
     assert not m.resting[back].any()  # turning back is no rest
-
-
-def test_slow_noise_does_not_begin_from_nothing_after_a_rest() -> None:
-    """A level that is there all the time has no step where rows begin to count, whatever comes before."""
-    m = still_and_moving()
-    level = np.full(m.samples, 5.0)
-    differing = Noise(np.array([1.0, -1.0]), np.ones(1))
-    first = int(np.argmax(m.counts > 0.5))
-    white = differing.whiten(m.across(level), np.zeros(0), m.awake)
-    assert np.abs(white[: first + 1]).max() < 1e-9
-    assert np.abs(differing.whiten(level * m.counts, np.zeros(0)))[: first + 1].max() > 1.0  # as it was
-
-
-def test_each_fold_has_as_many_rows_that_count() -> None:
-    m = still_and_moving()
-    folds = _folds(m.weight)
-    assert len(folds) == FOLDS
-    assert (folds[0][0], folds[-1][1]) == (0, m.samples)
-    assert all(end == first for (_, end), (first, _) in pairwise(folds))
-    counted = [m.weight[first:last].sum() for first, last in folds]
-    assert counted == pytest.approx([np.mean(counted)] * FOLDS, rel=0.01)

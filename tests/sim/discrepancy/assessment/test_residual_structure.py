@@ -83,7 +83,7 @@ def test_a_line_is_asked_for_at_other_speeds() -> None:
     assert is_fixed(counts * (_noise() + _sine(LINE_HZ)), RATE_HZ, LINE_HZ, speed, counts)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_line_of_a_comb_is_the_motions(seed: int) -> None:
     """A motion that repeats every 5 s leaves harmonics of 0.2 Hz; a line is one of them, lies between or stands out."""
     comb = sum(0.08 * np.sin(2.0 * np.pi * k / 5.0 * TIME_S + k * k) for k in range(13, 31))
@@ -94,7 +94,7 @@ def test_a_line_of_a_comb_is_the_motions(seed: int) -> None:
     assert line_of(_noise(seed) + comb + _sine(3.6), RATE_HZ, 2.5, 5.0) == pytest.approx(3.6, abs=0.01)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_what_the_motion_does_below_its_end_makes_no_comb_above(seed: int) -> None:
     slow = sum(0.2 * np.sin(2.0 * np.pi * k / 5.0 * TIME_S + k * k) for k in range(5, 12))
     left = _noise(seed) + slow + 0.3 * _sine(3.2)

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter, welch
+from scipy.signal import lfilter
 
 from sim.discrepancy.data.controller_law import DriveLaw, drive_law, quiet, told
 from sim.discrepancy.data.preprocessing import Measurement, gaussian_kernel, prepare
@@ -109,44 +109,6 @@ def test_only_what_a_model_leaves_as_well_is_taken_away() -> None:
         law, m = law_of(torque + noise, reference, angle)
         left = prepare(RATE_HZ, noise, angle, None).torque
         assert (told(law, m, left) is not None) == known
-
-
-def test_what_is_left_beside_the_noise_takes_nothing_of_it() -> None:
-    reference, angle, torque = driven()
-    noise = coloured(0.05)
-    law, m = law_of(torque + noise, reference, angle)
-    effect = prepare(RATE_HZ, 0.02 * np.sin(0.7 * angle), angle, None).torque
-    left = prepare(RATE_HZ, noise, angle, None).torque
-    without, beside = told(law, m, left), told(law, m, left + effect)
-    assert without
-    assert beside
-    assert np.array_equal(beside.noise, without.noise)
-
-
-def test_what_is_fast_of_the_noise_stays() -> None:
-    reference, angle, torque = driven()
-    noise = coloured(0.05)
-    law, m = law_of(torque + noise, reference, angle)
-    known = told(law, m, prepare(RATE_HZ, noise, angle, None).torque)
-    assert known
-    frequency, (whole, slow_part) = welch(np.stack([law.noise, known.noise]), m.rate_hz, nperseg=4096)
-    assert slow_part[frequency > 40.0].sum() < 1e-3 * whole[frequency > 40.0].sum()
-    assert slow_part[frequency < 20.0].sum() == pytest.approx(whole[frequency < 20.0].sum(), rel=0.05)
-
-
-def test_at_a_hundred_rows_a_second_what_is_slow_of_the_noise_is_told() -> None:
-    angle = 30.0 * np.sin(0.5 * np.arange(6000) / 100.0)
-    m = prepare(100.0, np.zeros(angle.size), angle, None)
-    noise = np.asarray(coloured(0.05)[: m.samples])
-    known = told(DriveLaw(noise, np.zeros((m.samples, 1))), m, noise)
-    assert known
-    assert 0.5 * noise.std() < known.noise.std() < noise.std()
-
-
-def test_a_record_without_motion_has_no_law() -> None:
-    still = np.zeros(int(20.0 * RATE_HZ))
-    m = prepare(RATE_HZ, coloured(0.05), still, None)
-    assert drive_law(m, RATE_HZ, coloured(0.05), still, still) is None
 
 
 def test_noise_that_is_also_wrong_as_a_whole_is_white_again() -> None:

@@ -7,8 +7,7 @@ import pytest
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis_document import read_axis
-from sim.discrepancy.data.repair import repair
-from sim.discrepancy.data.sample_defects import jumps, quantum, spikes, stays
+from sim.discrepancy.data.sample_defects import jumps, spikes
 from sim.discrepancy.data.validation import Fault, examine
 from sim.torsional.model import Array
 from tests.sim.discrepancy.telemetry_of import geared
@@ -130,13 +129,6 @@ def test_a_motor_that_rests_has_not_lost_its_torque() -> None:
     assert all("motor_torque_nm" not in f.explanation for f in examine(AXIS, Telemetry(t, channels)).faults)
 
 
-def test_quantised_noise_stays_by_chance_only() -> None:
-    noise = np.round(np.random.default_rng(3).standard_normal(20_000))
-    assert stays(noise) == []
-    noise[5000:5040] = noise[5000]
-    assert [s.start in range(4995, 5001) and s.stop >= 5040 for s in stays(noise)] == [True]
-
-
 def test_noise_with_heavy_tails_and_knocks_that_ring_are_no_spikes() -> None:
     rng = np.random.default_rng(4)
     assert not spikes(rng.laplace(size=60_000)).any()
@@ -156,14 +148,6 @@ def test_a_change_of_speed_is_no_jump() -> None:
     ((row, size),) = jumps(place + 1e-3 * (t >= 3.0), good)
     assert row == 2999
     assert size == pytest.approx(2e-3, rel=0.02)
-
-
-def test_a_torque_that_is_lost_leaves_the_motion_as_it_was() -> None:
-    torque = GOOD["motor_torque_nm"].copy()
-    torque[ROW : ROW + 300] = 0.0
-    mended, whole = (examine(AXIS, t).measurement for t in (changed(motor_torque_nm=torque), GOOD))
-    assert np.array_equal(mended.angle, whole.angle)
-    assert np.array_equal(mended.load_weight, whole.load_weight)
 
 
 @pytest.mark.parametrize("hold", [True, False])
@@ -186,14 +170,3 @@ def test_short_runs_of_lost_rows_are_one_finding_of_their_true_share(hold: bool)
     gate = examine(BODY, Telemetry(t if hold else t[rows], channels))
     assert [(f.mechanism, f.location) for f in gate.faults] == [("lost_samples", None)]
     assert gate.faults[0].parameters["fraction"] == pytest.approx(float(lost.mean()), rel=0.1)
-
-
-def test_where_no_clock_is_even_a_jump_is_one_of_the_clock() -> None:
-    after = np.arange(GOOD.time_s.size) >= ROW
-    channels = {"torque": GOOD["motor_torque_nm"], "angle": GOOD["motor_position_rad"] + 0.05 * after}
-    lost = np.zeros_like(after)
-    rate_hz = 1.0 / GOOD.interval_s
-    (fault,) = repair(channels, 10.0, rate_hz, lost, quantum(channels["angle"])).faults
-    assert fault.mechanism == "encoder_error"
-    faults = repair(channels, 10.0, rate_hz, lost, quantum(channels["angle"]), np.ones_like(lost)).faults
-    assert "encoder_error" not in {fault.mechanism for fault in faults}

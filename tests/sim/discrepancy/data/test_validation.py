@@ -51,15 +51,6 @@ def test_what_cannot_be_right_is_refused_in_words(change: object, words: str) ->
         examine(AXIS, change(one_body(0.3, 1.0, 0.0, 2)))  # type: ignore[operator]
 
 
-def test_how_columns_were_recognised_is_said() -> None:
-    map_ = 'time_s = {column = "t [s]", unit = "s"}'
-    said = [examine(AXIS, replace(one_body(0.3, 1.0, 0.0, 1), recognised=each)).remarks for each in (map_, "")]
-    assert [[one for one in remarks if map_ in one] for remarks in said] == [
-        [f"The telemetry was read as:\n{map_}"],
-        [],
-    ]
-
-
 def test_a_clock_that_is_rounded_is_no_other_rate() -> None:
     """99.9999 samples per second are a hundred."""
     whole = one_body(0.3, 1.0, 0.0, 1)

@@ -21,21 +21,17 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.extended_axis import extended_by
 from sim.discrepancy.hypotheses.catalogue import all_terms_of, terms_of
-from sim.discrepancy.hypotheses.friction import friction_felt
-from sim.discrepancy.hypotheses.generic import terms_of_kind, undistorted
+from sim.discrepancy.hypotheses.generic import terms_of_kind
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.results import Investigation
-from sim.discrepancy.search.effect_size import magnitude
 from sim.experiment.virtual_measurement import measure
-from sim.mechanisms import TorqueRippleOfMotor
 from sim.mechanisms.catalogue import with_mechanism
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_names, with_error
 from sim.rotational.drive_train import DriveTrain
 from sim.torsional.components import TorqueWave
-from sim.torsional.model import Line, with_link
-from tests.sim.discrepancy.telemetry_of import geared, one_body, swing
+from tests.sim.discrepancy.telemetry_of import geared, one_body
 
 BENCH = read_axis(
     {
@@ -176,28 +172,6 @@ def test_a_new_mechanism_of_the_machine_is_named_measured_and_closed() -> None:
     assert again(result, telemetry).verdict == "nothing_missing"
 
 
-def unknown(kind: type[Mechanism]) -> type[Mechanism]:
-    """The same mechanism under a name that no module knows, found by what it says of itself alone."""
-    return type("Unknown", (kind,), {"name": "unknown", "own_hypothesis": False, "__doc__": "Nobody knows it."})
-
-
-def test_a_mechanism_that_no_module_knows_is_found_as_well_as_a_built_in_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Four times per turn: by its own hypothesis, and under a name that nobody has heard of."""
-    rows, angle = slice(6000), swing()[1]
-    whole = one_body(0.3, 1.0, 0.02, 5, extra=0.1 * np.sin(4.0 * angle + 0.5))
-    telemetry = Telemetry(whole.time_s[rows], {name: values[rows] for name, values in whole.channels.items()})
-    (built_in,) = investigate(BENCH, telemetry).findings
-    known = {name: kind for name, kind in mechanisms.MECHANISMS.items() if kind is not TorqueRippleOfMotor}
-    monkeypatch.setattr(mechanisms, "MECHANISMS", {**known, "unknown": unknown(TorqueRippleOfMotor)})
-    (new,) = investigate(BENCH, telemetry).findings
-    assert (built_in.mechanism, new.mechanism) == ("torque_ripple", "unknown")
-    assert built_in.parameters[0].value == pytest.approx(0.1, rel=0.05)
-    assert new.location == built_in.location
-    assert new.probability == pytest.approx(built_in.probability, abs=0.01)
-    for one, other in zip(new.parameters, built_in.parameters, strict=True):
-        assert one.value == pytest.approx(other.value, abs=0.1 * (other.high - other.low) + 1e-12)
-
-
 @pytest.mark.usefixtures("grown")
 def test_a_new_fault_of_the_torque_channel_is_named_measured_and_closed() -> None:
     telemetry = one_body(0.3, 1.0, 0.02, 5)
@@ -220,25 +194,6 @@ def test_a_new_torque_that_comes_in_a_time_of_its_own_is_named_measured_and_clos
     assert frequency.value == pytest.approx(1.37, abs=0.002)
     assert phase.value == pytest.approx(0.9, abs=0.1)
     assert again(result, braked).verdict == "nothing_missing"
-
-
-@pytest.mark.usefixtures("grown")
-def test_new_mechanisms_are_not_found_where_they_are_not() -> None:
-    assert investigate(BENCH, one_body(0.3, 1.0, 0.02, 1)).verdict == "nothing_missing"
-
-
-def test_without_its_line_in_the_catalogue_nobody_names_it() -> None:
-    read = Saturation("motor", {"bend_per_n2_m2": 4e-5}).distort(one_body(0.3, 1.0, 0.02, 5), BENCH)
-    assert "saturation" not in named(investigate(BENCH, read))
-
-
-def test_a_distortion_is_undone() -> None:
-    distortion = Saturation("motor", {"bend_per_n2_m2": 2e-5})
-    telemetry = one_body(0.3, 1.0, 0.02, 5)
-    measurement = examine(BENCH, telemetry).measurement
-    read = distortion.distort(Telemetry(measurement.time_s, {"motor_torque_nm": measurement.torque}), BENCH)
-    back = undistorted(distortion, replace(measurement, torque=read["motor_torque_nm"]), BENCH)
-    assert back == pytest.approx(measurement.torque, abs=1e-3 * float(np.abs(measurement.torque).max()))
 
 
 def problem() -> Problem:
@@ -317,43 +272,6 @@ def test_what_is_looked_for_in_a_way_of_its_own_is_looked_for() -> None:
         assert not kind.own_hypothesis or otherwise or kind.name in written, (
             f"{kind.name}: no term, leave own_hypothesis out"
         )
-
-
-def test_a_ripple_at_the_order_of_erring_teeth_must_be_half_as_large_as_they_make() -> None:
-    """Bodies between motor and teeth that no description has answer at that order, and at no other."""
-    chain = PROBLEM.chain((), {p.name: p.start for p in PROBLEM.base()})
-    link, teeth = chain.links[0], 6.0 * chain.links[0].ratio
-    erring = with_link(chain, 0, errors=(Line(1, teeth, 0.5, 0.3),))
-    plain, beside = (
-        {t.report(dict.fromkeys((p.name for p in t.parameters), 0.0))["order"]: t.size for t in terms}
-        for terms in (
-            [t for t in terms_of(GEARED, PROBLEM.measurement, c) if t.mechanism == "torque_ripple"]
-            for c in (chain, erring)
-        )
-    )
-    assert beside.pop(6.0) == pytest.approx(0.5 * 0.5 * link.stiffness_n_m_per_rad / link.ratio)
-    plain.pop(6.0)
-    assert beside == plain
-
-
-def test_friction_that_changes_by_as_much_as_there_is_of_it_is_no_drift() -> None:
-    drift = next(t for t in TERMS if t.mechanism == "friction_drift")
-    (rate,) = drift.parameters
-    assert rate.high == -rate.low == pytest.approx(1.0 / PROBLEM.measurement.time_s[-1])
-    assert magnitude(drift, {rate.name: rate.high}) == 0.0
-    assert magnitude(drift, {rate.name: -0.5 * rate.high}) == 0.5 * rate.high
-
-
-def test_friction_that_pushes_is_no_asymmetry() -> None:
-    """Of either direction there is no less friction than none: 2.5 N m at a motor that has 0.5 are something else."""
-    chain = PROBLEM.chain((), {p.name: p.start for p in PROBLEM.base()})
-    most = 0.3 + 4.0 / 30.0 + 60.0 * (0.002 + 3.0 / 30.0**2)
-    assert friction_felt(chain, 60.0) == pytest.approx(most)
-    term = next(t for t in TERMS if t.mechanism == "friction_asymmetry")
-    torque, coefficient = term.parameters
-    assert torque.high == -torque.low < 2.5
-    assert term.magnitude({torque.name: 0.4 * torque.high, coefficient.name: 0.0}) == pytest.approx(0.4 * torque.high)
-    assert term.magnitude({torque.name: torque.low, coefficient.name: 0.0}) == 0.0
 
 
 @pytest.mark.parametrize("term", tuple(cases()), ids=lambda t: str(t.key))

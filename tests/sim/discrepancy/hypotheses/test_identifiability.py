@@ -9,14 +9,14 @@ from casebase.signals.telemetry import Telemetry
 from sim.assembly import drive_train_of
 from sim.description.axis_document import read_axis
 from sim.discrepancy.assessment.remarks import shown_remark
-from sim.discrepancy.assessment.verdict import is_beyond_new, is_worse
+from sim.discrepancy.assessment.verdict import is_beyond_new
 from sim.discrepancy.data.data_fault import InvestigationError
-from sim.discrepancy.data.excitation import Excitation, excitation_in
-from sim.discrepancy.hypotheses.identifiability import ALONE, highest_order, passed_slowly, shown, the_same
+from sim.discrepancy.data.excitation import Excitation
+from sim.discrepancy.hypotheses.identifiability import ALONE, passed_slowly, shown
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.pooling.joint_investigation import investigate_together
 from sim.discrepancy.pooling.pooled_estimates import Taken
-from sim.discrepancy.results import Estimate, Gain
+from sim.discrepancy.results import Estimate
 from sim.errors import AxisError
 from sim.mechanisms.mechanism import Need
 from tests.sim.discrepancy.telemetry_of import swing
@@ -73,13 +73,6 @@ def test_friction_is_named_and_measured_from_ten_rows_a_second(rate_hz: float) -
     assert found["viscous_friction"].parameters[0].value == pytest.approx(0.02, rel=0.08)
 
 
-def test_what_needs_the_same_is_the_same() -> None:
-    assert the_same("coulomb_friction", frozenset()) == ()
-    assert the_same("viscous_friction", frozenset({Need.SEVERAL_SPEEDS})) == ("coulomb_friction", "stribeck_friction")
-    first, second, *_ = the_same("coulomb_friction", frozenset(Need))
-    assert (first, second) == ("friction_asymmetry", "viscous_friction")  # one of each want
-
-
 @pytest.mark.parametrize(
     ("low", "high", "beyond"), [(0.1, 0.3, True), (-0.1, 0.3, False), (-0.3, -0.1, True)], ids=["above", "0", "below"]
 )
@@ -109,13 +102,6 @@ def test_no_gear_is_without_backlash_where_none_is_stated() -> None:
         axis = read_axis({"motor": {"inertia_kg_m2": 1.0}, "stages": [stage], "load": {"inertia_kg_m2": 1.0}})
         assert is_beyond_new(axis, "backlash", "output", [gap]) == beyond
         assert is_beyond_new(axis, "backlash", "output", [replace(gap, value=1e-3, low=9e-4, high=1.1e-3)])
-
-
-def test_more_left_on_unseen_rows_is_worse() -> None:
-    torque = Gain("motor_torque_nm", "N m", 1.0, 1.001, True, 2.0)
-    assert is_worse(torque)
-    assert not is_worse(replace(torque, rms_after=0.9))
-    assert not is_worse(replace(torque, channel="load_torque_nm"))
 
 
 def test_a_ripple_of_any_order_is_found_by_the_angle() -> None:
@@ -197,33 +183,3 @@ def test_teeth_are_shown_while_they_pass_slower_than_half_the_rate(turns_per_s: 
     assert (passed_slowly(WRIST, e, "output") > 0) == is_shown
     assert (Need.TWO_ROWS_PER_TOOTH in shown(WRIST, e).hidden) != is_shown
     assert "Teeth of output pass" not in shown_remark(WRIST, e) or not is_shown
-
-
-def test_a_record_with_two_encoders_shows_what_one_does_not() -> None:
-    alone, both = (shown(WRIST, steady(2000.0, 4.0, at_load)) for at_load in (False, True))
-    assert set(alone.hidden[Need.LOAD_ENCODER]) == set(both.found) - set(alone.found)
-    assert {"hysteresis", "stiffness_hardening"} <= set(both.found)
-
-
-def test_of_one_body_nothing_of_gears_is_said() -> None:
-    words = shown_remark(BARE, steady(100.0, 1.0))
-    assert "backlash" not in words
-    assert "tooth" not in words
-    assert "coulomb friction" in words
-
-
-def test_a_ripple_goes_at_less_than_half_the_rate_up_to_an_order() -> None:
-    assert highest_order(steady(1000.0, 10.0)) == 50
-    assert highest_order(Excitation(1000.0, 1.0, 0.0, np.zeros(0), False)) == 0
-
-
-def test_a_log_tells_its_motion_before_it_is_checked() -> None:
-    """By position or by speed alone."""
-    told = to_and_fro(200.0)
-    by_speed = Telemetry(told.time_s, {"motor_speed_rad_s": np.gradient(told["motor_position_rad"], told.time_s)})
-    for t in (told, by_speed):
-        e = excitation_in(t)
-        assert e is not None
-        assert (e.rate_hz, e.seconds) == pytest.approx((200.0, 60.0), rel=1e-3)
-        assert e.travel_rad == pytest.approx(80.0, rel=0.01)
-    assert excitation_in(Telemetry(told.time_s, {"motor_torque_nm": told["motor_torque_nm"]})) is None

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from sim.description.axis import Load, LoadEncoder, Motor
-from sim.discrepancy.data.angle_series import beyond_twice, is_whole
+from sim.discrepancy.data.angle_series import beyond_twice
 from sim.discrepancy.data.validation import examine
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.extended_axis import extended_by
 from sim.discrepancy.hypotheses.catalogue import terms_of
-from sim.discrepancy.hypotheses.gear_mesh import kinematic_terms
 from sim.discrepancy.hypotheses.nonparametric import error_over_angle
 from sim.discrepancy.investigation import investigate
 from tests.sim.discrepancy.hypotheses.strain_wave import AXIS, PHASE, erring, log
@@ -68,39 +66,6 @@ def test_it_is_described_as_it_is_found() -> None:
         effect = float(np.std(with_term - without))
         assert effect > 0.0
         assert float(np.std(with_term - with_entry)) <= 1e-6 * effect
-
-
-def test_what_passes_faster_than_half_the_rate_is_not_looked_for() -> None:
-    orders = [
-        [t.report(dict.fromkeys((p.name for p in t.parameters), 1e-4))["order"] for t in terms]
-        for terms in (kinematic_terms(AXIS, 0, 0.1, fastest) for fastest in (2, 4, 5))
-    ]
-    assert orders == [[], [2.0], [2.0, 4.0]]
-
-
-def test_a_curve_over_less_than_a_turn_of_the_load_is_any_curve() -> None:
-    angle = np.linspace(-0.4, 0.9, 400)
-    shapes, slopes = beyond_twice(angle)
-    bump = np.exp(-(((angle - 0.2) / 0.2) ** 2))
-    left = bump - np.linalg.lstsq(np.vstack([shapes, np.ones(angle.size)]).T, bump, rcond=None)[0] @ np.vstack(
-        [shapes, np.ones(angle.size)]
-    )
-    assert float(np.abs(left).max()) < 1e-3
-    assert np.gradient(shapes, angle, axis=1)[:, 5:-5] == pytest.approx(slopes[:, 5:-5], abs=0.5)
-
-
-def test_numbers_of_a_part_of_a_turn_fit_a_motion_that_goes_farther() -> None:
-    """The next measurement may turn the load once round, with the curve of this one in the model."""
-    part, whole = (beyond_twice(np.linspace(0.0, way, 500))[0] for way in (1.3, 2.0 * math.pi))
-    assert part.shape == whole.shape
-
-
-def test_over_a_whole_turn_it_leaves_out_what_has_a_name() -> None:
-    angle = np.linspace(0.0, 2.0 * math.pi, 1000)
-    shapes, _ = beyond_twice(angle)
-    assert is_whole(angle)
-    once_and_twice = np.stack([wave(k * angle) for k in (1, 2) for wave in (np.sin, np.cos)])
-    assert float(np.abs(shapes[:, :-1] @ once_and_twice[:, :-1].T).max()) < 1e-6 * angle.size
 
 
 def test_what_the_load_encoder_errs_over_the_angle_is_taken_off_what_it_tells() -> None:

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from sim.discrepancy.data.preprocessing import WIDE_SHARE, Measurement, gaussian_kernel, prepare
+from sim.discrepancy.data.preprocessing import Measurement, prepare
 from sim.discrepancy.model.observer import Nuisance, Observer
-from sim.discrepancy.model.observer_kernel import _passed, _sine_cosine
-from sim.discrepancy.model.packing import pack
 from sim.torsional.model import Chain, Link, Shaft
 from tests.sim.discrepancy.telemetry_of import RATE_HZ, swing
 
@@ -83,28 +81,6 @@ def test_what_friction_holds_at_rest_is_let_go() -> None:
     assert np.polyfit(m.time_s[rest], held, 1)[0] == pytest.approx(-rate, rel=1e-3)
 
 
-def test_friction_that_holds_nothing_turns_over_a_speed() -> None:
-    """Where it lets go faster than it gives way, the hyperbolic tangent of the speed is left, whatever the stretch.
-
-    So most simulations of friction have it; a sign with longer tails left the shape of Stribeck's law to be found.
-    """
-    _, angle, _, _ = swing()
-    for stretch in (1e-6, 1e-5):
-        friction, m = _friction_along(angle, stretch, 1e-3)
-        share = m.slow_speed / (1e-3 * float(np.abs(m.speed).max()))
-        assert friction[100:-100] == pytest.approx(np.tanh(share)[100:-100], abs=0.06)
-
-
-def test_a_delay_of_one_sample_is_between_a_little_less_and_a_little_more() -> None:
-    t, angle, _, _ = swing()
-    observer = Observer(prepare(RATE_HZ, np.zeros(t.size), angle, None), 1.0, 0.3)
-    chain = Chain((Shaft(0.3, 1.0, 0.02),))
-    delays = (0.99 / RATE_HZ, 1.0 / RATE_HZ, 1.01 / RATE_HZ)
-    less, one, more = (observer.predict(chain, Nuisance(torque_delay_s=d)).torque[50:-50] for d in delays)
-    slope = more - less
-    assert np.std(less + more - 2.0 * one) < 0.3 * np.std(slope)
-
-
 def test_a_load_that_is_let_go_swings_at_its_own_frequency() -> None:
     """Torque of its spring at the motor: that of an oscillator that starts at rest, ahead by one angle."""
     inertia, stiffness, ratio, damping, ahead = 2.0, 8e3, 10.0, 5.0, 1e-3
@@ -152,23 +128,6 @@ def test_losses_before_or_behind_the_spring_ask_the_motor_for_the_same_and_twist
     assert twist == pytest.approx(needed / stiffness * (kept if behind else 1.0), rel=2e-3)
 
 
-def test_a_damper_makes_no_torque_of_the_noise_of_the_motor_encoder() -> None:
-    """What chains differ in above the motion does not depend on what the encoder adds."""
-    t, angle, _, _ = swing()
-    read = angle + 2e-5 * np.random.default_rng(1).standard_normal(t.size)
-    first = Chain((Shaft(0.01), Shaft(2.0)), (Link(10.0, 2e4, 20.0),))
-    damped = Chain(first.shafts, (Link(10.0, 2e4, 200.0),))
-
-    def differ(seen: np.ndarray) -> np.ndarray:
-        observer = Observer(prepare(RATE_HZ, np.zeros(t.size), seen, None), 1.0, 0.01)
-        observer.learn_noise(first, Nuisance())
-        return observer.predict(damped, Nuisance()).torque - observer.predict(first, Nuisance()).torque
-
-    added = np.std(differ(read) - differ(angle))
-    whole = 180.0 / 10.0**2 * 2e-5 * 2 * np.pi * 150.0 / np.sqrt(6.0)  # the damper's own of all noise below 150 Hz
-    assert added < 0.3 * whole
-
-
 @pytest.mark.parametrize("error_rad", [(1e-4, 0.0, 0.0, 0.0), (0.0, 0.0, 3e-5, -4e-5)])
 def test_a_known_error_of_the_load_encoder_is_taken_out_in_angle_and_speed(error_rad: tuple[float, ...]) -> None:
     t, angle, _, acceleration = swing()
@@ -204,73 +163,6 @@ def test_a_load_encoder_that_is_late_is_read_as_what_it_was_late_for() -> None:
     assert np.std(mended - true) < 1e-3 * np.std(late - true)
 
 
-def test_sine_and_cosine_of_one_angle() -> None:
-    angles = np.random.default_rng(1).uniform(-3e4, 3e4, 2000)
-    found = np.array([_sine_cosine(float(x)) for x in angles])
-    assert np.abs(found - np.stack([np.sin(angles), np.cos(angles)], axis=1)).max() < 1e-8
-
-
-@pytest.mark.parametrize("frequency_hz", [40.0, 200.0, 300.0, 420.0])
-def test_errors_of_teeth_pass_the_low_pass_that_the_measured_torque_has_passed(frequency_hz: float) -> None:
-    """Measured eight times as fast as it is looked at, as `prepare` smooths it."""
-    rate_hz = 8000.0
-    kernel = gaussian_kernel(WIDE_SHARE * RATE_HZ, rate_hz, 0)
-    places = np.arange(kernel.size) - kernel.size // 2
-    response = float(np.sum(kernel * np.cos(2.0 * np.pi * frequency_hz / rate_hz * places)))
-    assert _passed(2.0 * np.pi * frequency_hz / RATE_HZ) == pytest.approx(response, abs=2e-3)
-
-
-def shaken_load(gap_rad: float = 0.0, stiffness: float = 1e4) -> tuple[Measurement, Chain]:
-    """A load that shakes at 25 Hz while the motor does not, and a chain that might move like that."""
-    t, angle, _, _ = swing()
-    shake = 1e-4 * np.sin(2.0 * np.pi * 25.0 * t)
-    m = prepare(RATE_HZ, np.zeros(t.size), angle, angle / 10.0 + shake)
-    return m, Chain((Shaft(0.01), Shaft(2.0)), (Link(10.0, stiffness, 5.0, gap_rad=gap_rad),))
-
-
-def shaking(torque: np.ndarray, m: Measurement) -> float:
-    """Amplitude at 25 Hz [N m]."""
-    tone = np.exp(-2j * np.pi * 25.0 * m.time_s[500:-500]) * np.hanning(m.samples - 1000)
-    return float(2.0 * abs(torque[500:-500] @ tone) / np.hanning(m.samples - 1000).sum())
-
-
-@pytest.mark.parametrize("hits", [False, True])
-def test_what_is_fast_of_the_load_stays_for_a_spring_what_it_was_learned_to_be(hits: bool) -> None:
-    """A fit must not choose the spring that makes noise small."""
-    m, chain = shaken_load()
-    observer = Observer(m, 2.0, 0.01)
-    observer.learn_noise(chain, Nuisance(), has_contact_loss=hits)
-    softer, stiffer = (observer.predict(c, Nuisance()).torque for c in (chain, shaken_load(stiffness=2e4)[1]))
-    learned = 1e4 * 1e-4 / 10.0
-    assert shaking(softer, m) == pytest.approx(learned, rel=0.35)
-    assert shaking(stiffer - softer, m) < 0.03 * learned
-
-
-@pytest.mark.parametrize("hits", [False, True])
-def test_what_is_fast_of_the_load_acts_on_teeth_that_leave_each_other_only_where_they_hit(hits: bool) -> None:
-    m, chain = shaken_load()
-    observer = Observer(m, 2.0, 0.01)
-    observer.learn_noise(chain, Nuisance(), has_contact_loss=hits)
-    without, loose = (observer.predict(c, Nuisance()).torque for c in (chain, shaken_load(gap_rad=4e-3)[1]))
-    felt = shaking(loose - without, m)  # wide play carries nothing of it
-    assert felt == pytest.approx(1e4 * 1e-4 / 10.0, rel=0.35) if hits else felt < 0.005
-
-
-def test_springs_in_contact_answer_to_what_is_fast_as_a_simulation_of_them_does() -> None:
-    t, angle, _, _ = swing()
-    noise = np.random.default_rng(3).normal(size=(2, t.size))
-    m = prepare(RATE_HZ, np.zeros(t.size), angle + 1e-4 * noise[0], angle / 60.0 + 1e-5 * noise[1])
-    shafts = (Shaft(0.01), Shaft(0.02, viscous_n_m_s=0.05), Shaft(2.0, viscous_n_m_s=3.0))
-    chain = Chain(shafts, (Link(5.0, 2e3, 0.4), Link(12.0, 5e4, 30.0)))
-    observer, late = Observer(m, 2.0, 0.01), Nuisance(load_delay_s=2e-3)
-    all_of_it, slow = (observer._links(chain, pack(chain), late, slow=slow) for slow in (False, True))
-    answer = observer._shaken(pack(chain), late)
-    expected = (all_of_it - slow)[[0, 2]]
-    for channel, wanted in ((answer[0], expected[0]), (m.thinned(answer[1]), m.thinned(expected[1]))):
-        left = channel[100:-100] - wanted[100:-100]
-        assert np.std(left) < 0.02 * np.std(wanted[100:-100])
-
-
 def test_torque_that_the_load_is_known_to_ask_for_is_that_of_gravity_in_the_chain() -> None:
     """Whoever computes the weight of the load, the motor has to give the same."""
     t, angle, _, _ = swing()
@@ -286,12 +178,3 @@ def test_torque_that_the_load_is_known_to_ask_for_is_that_of_gravity_in_the_chai
             told.append(Observer(m, inertia, 0.01).predict(chain, Nuisance()))
         assert np.abs(told[0].torque - told[1].torque)[200:-200].max() < 0.01 * 40.0 / ratio
         assert np.abs(told[0].guide - told[1].guide)[200:-200].max() < 0.01 * 40.0
-
-
-def test_known_torque_of_one_stiff_body_is_added() -> None:
-    t, angle, _, _ = swing()
-    known = 3.0 + np.sin(t)
-    plain, told = (prepare(RATE_HZ, np.zeros(t.size), angle, None, known_torque=k) for k in (None, known))
-    chain = Chain((Shaft(0.3, 1.5),))
-    before, after = (Observer(m, 1.0, 0.3).predict(chain, Nuisance()).torque for m in (plain, told))
-    assert np.abs(after - before - np.interp(told.time_s, t, known)).max() < 1e-3

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from sim.description.axis_document import read_axis
-from sim.discrepancy.report.box import box_of, box_of_robot, is_urgent, rests_of_robot
+from sim.discrepancy.report.box import box_of, is_urgent
 
 
 def found(mechanism: str, parameter: str, location: str = "output") -> dict[str, Any]:
@@ -54,19 +54,6 @@ def test_urgent_is_damage_that_grows_and_that_was_found(mechanism: str, probabil
     assert is_urgent({"findings": [{"mechanism": mechanism, "probability": probability}]}) == urgent
 
 
-def test_what_is_left_without_a_name_is_said_with_its_joint_and_once() -> None:
-    rest = {"kind": "frequency", "channel": "motor_torque_nm", "share": 0.2, "score": 9.0, "frequency_hz": 37.0}
-    joints = [{"name": "pan", "unexplained": rest}, {"name": "lift", "unexplained": None}]
-    document = {"verdict": "named", "findings": [], "unexplained": {**rest, "joint": "pan"}, "joints": joints}
-    assert rests_of_robot(document).startswith("pan: A fixed frequency in the motor torque: 37.0 Hz.")
-    assert "lift" not in rests_of_robot(document)
-    unnamed = {**document, "verdict": "unnamed", "next_measurement": "Repeat it."}
-    assert not rests_of_robot(unnamed)
-    assert [one.where for one in box_of_robot(unnamed)] == ["pan"], "the box begins with it"
-    rubbing = {**unnamed, "findings": [at("coulomb_friction", "lift", "torque_n_m", 2.0)]}
-    assert [one.title for one in box_of_robot(rubbing)] == ["Something without a name", "Friction"]
-
-
 def at(mechanism: str, location: str, name: str, value: float) -> dict[str, Any]:
     """A finding of a robot."""
     size = {"name": name, "value": value, "unit": "N m", "low": 0.9 * value, "high": 1.1 * value}
@@ -74,23 +61,3 @@ def at(mechanism: str, location: str, name: str, value: float) -> dict[str, Any]
     said = {"mechanism": mechanism, "location": location, "probability": 0.95, "parameters": [size, order]}
     explanation = "A ripple, 200 times per revolution of the joint."
     return {**said, "indistinguishable_from": [], "explanation": explanation, "action": "Look."}
-
-
-def test_of_a_robot_the_same_at_several_joints_is_one_entry_and_friction_is_no_fault() -> None:
-    friction = [at("coulomb_friction", f"joint_{k}", "torque_n_m", 2.0) for k in range(1, 7)]
-    ripple = [at("torque_ripple", f"joint_{k}", "torque_n_m", 0.1 * k) for k in (2, 5)]
-    document = {"verdict": "named", "findings": [*friction, *ripple], "unexplained": None, "next_measurement": ""}
-    rippled, rubbing = box_of_robot(document)
-    assert rippled.where == "joint_2, joint_5"
-    assert [size.name for size in rippled.sizes] == ["at joint_2", "at joint_5"]
-    assert rubbing.do_first.startswith("Nothing to repair")
-    (alone,) = box_of_robot({**document, "findings": ripple[:1]})
-    assert [size.name for size in alone.sizes] == ["torque", "times per turn of the joint"]
-
-
-def test_what_hangs_at_a_robot_hangs_at_its_flange() -> None:
-    payload = at("payload", "payload", "mass_kg", 2.4)
-    document = {"verdict": "named", "findings": [payload], "unexplained": None, "next_measurement": ""}
-    (entry,) = box_of_robot(document)
-    assert entry.where == "the flange"
-    assert entry.sizes[0].name == "mass"
