@@ -12,7 +12,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # the tests start the program some hundred times: it is compiled once, also where the environment says otherwise
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup run test suite check bench challenge chaos compositions field trends robots bombs screenshots lock clean
+.PHONY: setup run test suite check bench challenge chaos field trends robots bombs screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
@@ -70,10 +70,6 @@ challenge: setup
 	$(BIN)/python -m tests.hidden_effects --folder out/second
 	$(BIN)/python -m pytest -m slow tests/sim/discrepancy tests/hidden_effects
 
-# two thousand drawn drive trains against equations integrated by scipy
-compositions: setup
-	$(BIN)/python -m pytest -m slow tests/sim/rotational/test_prescribed_motion.py
-
 # the half to work with; the other, --half final, is run once, at the end
 FIELD := $(BIN)/python -m tests.field_bank --half work
 field: setup
@@ -92,7 +88,6 @@ trends: setup
 robots: setup
 	$(BIN)/python -m tests.robot_bank --count 150 --seed 1
 	$(BIN)/python -m tests.robot_bank --wrong-input
-	$(BIN)/python -m tests.robot_bank.next_motion --count 10 --seed 1
 
 # kill -9 at every write, at random under load, and two machines of which one is cut off: an hour at most
 chaos: setup

@@ -64,18 +64,6 @@ def test_same_sound_in_another_container_is_the_case_that_is_there(admin: httpx.
     assert (answer.status_code, answer.json()["id"]) == (200, first["id"])
 
 
-def test_same_sound_may_be_revised_to_another_label_than_its_twin(admin: httpx.Client) -> None:
-    path = add(admin, sound(35)).headers["location"]
-    assert admin.patch(path, json={"label": "notch"}).json()["label"] == "notch"
-
-
-def test_same_recording_with_another_label_is_a_conflict(admin: httpx.Client) -> None:
-    first = add(admin, sound(13)).json()
-    answer = add(admin, sound(13), label="notch")
-    assert answer.status_code == 409
-    assert first["id"] in answer.json()["detail"]
-
-
 def test_idempotency_key_answers_the_same_bytes(admin: httpx.Client) -> None:
     headers = {"Idempotency-Key": "case-14"}
     first = add(admin, sound(14), headers)
@@ -167,39 +155,6 @@ def test_of_two_changes_at_once_one_wins(live_server: LiveServer, admin: httpx.C
     for thread in threads:
         thread.join()
     assert sorted(codes) == [200, 412, 412, 412, 412]
-
-
-def test_retired_case_leaves_the_list_and_comes_back(admin: httpx.Client) -> None:
-    path = add(admin, sound(23), gearbox="g23").headers["location"]
-
-    def listed(**query: str) -> list[str]:
-        items = admin.get(CASES, params={"gearbox": "g23", **query}).json()["items"]
-        return [f"{CASES}/{item['id']}" for item in items]
-
-    assert listed() == [path]
-    assert admin.delete(path).json()["state"] == "retired"
-    assert listed() == []
-    assert listed(state="retired") == [path]
-    assert admin.get(path).status_code == 200
-    admin.patch(path, json={"state": "confirmed"}).raise_for_status()
-    assert listed() == [path]
-    actions = [entry["action"] for entry in admin.get(f"{path}/history").json()["items"]]
-    assert actions == ["case.retained", "case.revised", "case.revised"]
-
-
-def test_filters(admin: httpx.Client) -> None:
-    add(admin, sound(24), label="notch", gearbox="g24", axis="axis-f").raise_for_status()
-    add(admin, sound(25), label="play", gearbox="g24", axis="axis-f").raise_for_status()
-
-    def labels(**query: str) -> set[str]:
-        items = admin.get(CASES, params={"gearbox": "g24", **query}).json()["items"]
-        return {item["label"] for item in items}
-
-    assert labels() == {"notch", "play"}
-    assert labels(label="notch") == {"notch"}
-    assert labels(axis="axis-f") == {"notch", "play"}
-    assert labels(axis="other") == set()
-    assert labels(origin="simulated") == set()
 
 
 def test_pages_cover_every_case_once_while_more_arrive(admin: httpx.Client) -> None:

@@ -1,8 +1,6 @@
 """Every error is problem+json and says what was wrong and what would be right."""
 
-import http.client
 import json
-from urllib.parse import urlsplit
 
 import httpx
 import numpy as np
@@ -132,12 +130,6 @@ def test_metadata_that_is_wrong(admin: httpx.Client, metadata: object, words: st
     assert words in str(problem(answer, 422)["detail"])
 
 
-def test_unknown_metadata_lists_the_known(admin: httpx.Client) -> None:
-    data = {"metadata": '{"label": "notch", "colour": "red"}'}
-    answer = admin.post(CASES, files={"file": ("a.wav", sound(1))}, data=data)
-    assert "payload_kg_m2" in str(problem(answer, 422)["detail"])
-
-
 @pytest.mark.parametrize(
     ("content", "status"),
     [
@@ -157,37 +149,6 @@ def test_file_that_is_no_recording(admin: httpx.Client, content: bytes, status: 
     data = {"metadata": '{"label": "notch"}'}
     problem(admin.post(CASES, files={"file": ("a.wav", content)}, data=data), status)
     assert admin.get(CASES, params={"limit": 1}).json() == before
-
-
-def test_declared_length_is_refused_before_the_body(live_server: LiveServer) -> None:
-    """Nothing of the body is sent, so nothing of it can have been read."""
-    connection = http.client.HTTPConnection(urlsplit(live_server.url).netloc, timeout=10)
-    connection.putrequest("POST", CASES)
-    connection.putheader("Authorization", f"Bearer {live_server.keys['admin']}")
-    connection.putheader("Content-Type", "multipart/form-data; boundary=x")
-    connection.putheader("Content-Length", str(10 * 1024**3))
-    connection.endheaders()
-    answer = connection.getresponse()
-    assert answer.status == 413
-    assert json.load(answer)["type"] == "too-large"
-    connection.close()
-
-
-def test_undeclared_length_is_counted(admin: httpx.Client) -> None:
-    """A body in chunks is refused as soon as it passes the limit of 1 MiB for what is no upload."""
-    chunks = (b" " * 65_536 for _ in range(64))
-    answer = admin.post("/api/v1/keys", content=chunks, headers={"content-type": "application/json"})
-    assert "1048576" in str(problem(answer, 413)["detail"])
-
-
-def test_key_is_checked_before_the_body_is_read(live_server: LiveServer) -> None:
-    connection = http.client.HTTPConnection(urlsplit(live_server.url).netloc, timeout=10)
-    connection.putrequest("POST", CASES)
-    connection.putheader("Content-Type", "multipart/form-data; boundary=x")
-    connection.putheader("Content-Length", "100000")
-    connection.endheaders()
-    assert connection.getresponse().status == 401
-    connection.close()
 
 
 def test_request_id_is_kept_and_logged_without_keys(live_server: LiveServer, admin: httpx.Client) -> None:

@@ -1,6 +1,5 @@
 """The fleet and the pages of gearboxes say what the rows say; nothing is worked out twice."""
 
-import json
 import re
 from collections.abc import Iterator
 from datetime import timedelta
@@ -14,7 +13,6 @@ from casebase.models import now
 from casebase.trend import COLOUR, DECIDING
 from sim.mechanisms.mechanism import SECURED
 from tests.app.inside import Inside, inside
-from tests.app.sounds import sound
 from tests.casebase.kept import keep
 
 API = "/api/v1"
@@ -111,16 +109,6 @@ def test_the_page_of_a_gearbox_has_all_of_it(service: Inside) -> None:
     assert service.browse("GET", "/axes/arm/gearboxes/nobody").status_code == 404
 
 
-def test_what_rises_is_named_in_words_and_not_as_a_feature(service: Inside) -> None:
-    with service.service.library.transaction("test") as session:
-        for day in range(30):
-            told = {"strongest_impulse_12_200_hz": float(np.sin(7.0 * day)) + (9.0 if day >= 20 else 0.0)}
-            keep(session, "arm", "struck", now() - timedelta(days=30 - day), told, "normal")
-    page = service.browse("GET", "/axes/arm/gearboxes/struck").text
-    assert "Its sound began to change about" in page
-    assert "What rises most: strongest impact of a cycle, 12 to 200 Hz" in page
-
-
 def test_older_recordings_are_on_the_next_page(service: Inside) -> None:
     with service.service.library.transaction("test") as session:
         for day in range(60):
@@ -149,37 +137,6 @@ def test_an_exchange_ends_the_history_on_the_page(service: Inside) -> None:
     assert "arm, old" not in states
     assert states["arm, new"] == "Cannot say"
     assert "and not recorded yet" in service.browse("GET", "/axes/arm/gearboxes/new").text
-
-
-def test_a_named_fault_stays_in_mind_until_enough_recordings_sound_good(service: Inside) -> None:
-    with service.service.library.transaction("test") as session:
-        for back, label in enumerate(("normal", "play", "normal")):
-            keep(session, "arm", "healed", now() - timedelta(days=9 - back), {}, label)
-    page = service.browse("GET", "/axes/arm/gearboxes/healed").text
-    assert "; 1 recording since then has sounded good. A worn gear does not heal." in page
-    assert "after 2 more that sound good it counts as good." in page
-    with service.service.library.transaction("test") as session:
-        for back in range(2):
-            keep(session, "arm", "healed", now() - timedelta(days=5 - back), {}, "normal")
-    page = service.browse("GET", "/axes/arm/gearboxes/healed").text
-    assert "its trend shows no change. Backlash (play) was named on" in page
-    assert "; 3 recordings since then have sounded good." in page
-
-
-def test_an_answer_without_a_fault_says_which_was_named_before(service: Inside) -> None:
-    made = []
-    for seed, day in ((5, 1), (6, 6), (7, 11)):
-        told = {"axis": "arm", "gearbox": "told", "recorded_at": f"2026-01-{day:02d}T06:00:00Z"}
-        files, data = {"file": ("a.wav", sound(seed))}, {"metadata": json.dumps(told)}
-        made.append(service.ask("POST", f"{API}/diagnoses", files=files, data=data).json()["id"])
-    corrected = {"verdict": "corrected", "label": "notch"}
-    service.ask("PATCH", f"{API}/diagnoses/{made[1]}", json=corrected).raise_for_status()
-    before, named, after = (service.browse("GET", f"/diagnoses/{each}").text for each in made)
-    words = "this answer alone does not clear the gearbox"
-    assert (words in before, words in named, words in after) == (False, False, True)
-    assert "Before this recording: Tooth damage (notch) was named on 6" in after
-    assert words in service.browse("GET", f"/diagnoses/{made[2]}/report.html").text
-    assert service.browse("GET", f"/diagnoses/{made[2]}/report.pdf").status_code == 200
 
 
 def test_what_changed_at_once_is_asked_and_each_answer_is_one_click(service: Inside) -> None:

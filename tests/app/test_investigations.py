@@ -72,14 +72,6 @@ def test_a_log_with_other_columns_is_taken_with_its_map_and_refused_without(oper
     operator.delete(f"/api/v1/jobs/{asked['id']}").raise_for_status()
 
 
-def test_whoever_waits_is_told_how_long_it_takes(operator: httpx.Client, live_server: LiveServer) -> None:
-    asked = operator.post(URL, files={"telemetry": ("t.csv", telemetry(), "text/csv")}, data={"axis": AXIS}).json()
-    cookies = {"gearcase_key": live_server.keys["operator"]}
-    page = httpx.get(f"{live_server.url}/jobs/{asked['id']}", cookies=cookies).raise_for_status().text
-    assert "ten seconds to a minute" in page
-    operator.delete(f"/api/v1/jobs/{asked['id']}").raise_for_status()
-
-
 def test_the_report_comes_as_it_is_asked_for(live_server: LiveServer, viewer: httpx.Client) -> None:
     library = CaseLibrary.open(live_server.data_dir)
     row = StoredInvestigation(
@@ -96,13 +88,6 @@ def test_the_report_comes_as_it_is_asked_for(live_server: LiveServer, viewer: ht
     assert DOCUMENT.items() <= document.json().items()
     assert {page.headers["vary"], document.headers["vary"]} == {"Accept"}
     assert viewer.get(url, headers={"Accept": "application/pdf"}).status_code == 406
-
-
-@pytest.mark.parametrize("axis", ['{"name": }', "{name: 1}"])
-def test_an_axis_that_is_no_json_is_told_where_it_breaks(operator: httpx.Client, axis: str) -> None:
-    answer = operator.post(URL, files={"telemetry": ("t.csv", telemetry())}, data={"axis": axis})
-    assert answer.status_code == 422
-    assert "this is no JSON" in answer.json()["detail"]
 
 
 def test_several_sounds_are_kept_and_none_beside_telemetry(operator: httpx.Client, live_server: LiveServer) -> None:
@@ -143,19 +128,6 @@ def test_only_what_is_named_extends_an_axis_and_its_description_stays(live_serve
             first, second = (get_axis(session, str(described["name"]), k).document for k in (1, 2))
             assert (first["motor"], second["motor"]) == (described["motor"], extended["motor"])
     library.close()
-
-
-def test_several_telemetries_are_kept_in_order_with_their_sounds(
-    operator: httpx.Client, live_server: LiveServer
-) -> None:
-    files = [("telemetry", (f"{name}.csv", telemetry(size))) for name, size in (("monday", 1.0), ("friday", 2.0))]
-    files += [("sound", (f"{seed}.wav", sound(seed))) for seed in (1, 2)]
-    asked = operator.post(URL, files=files, data={"axis": AXIS}).raise_for_status().json()
-    library = CaseLibrary.open(live_server.data_dir)
-    with library.reading() as session:
-        row = get_investigation(session, asked["investigation_id"])
-    library.close()
-    assert (names_of(row, "telemetry"), names_of(row, "sound")) == (["monday.csv", "friday.csv"], ["1.wav", "2.wav"])
 
 
 def test_sound_is_compared_with_sound_as_new(operator: httpx.Client, live_server: LiveServer) -> None:

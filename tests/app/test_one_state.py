@@ -124,12 +124,6 @@ def test_fault_good_good_good_by_the_alarm_worker_alone(service: Inside) -> None
     assert messages(service, "looked at") == ["notch"] * 2
 
 
-def test_the_queue_says_what_was_heard_since(service: Inside) -> None:
-    heard(service, "since", "notch", "normal")
-    page = service.browse("GET", "/queue").text
-    assert "was named, and 1 recording since then has sounded good. A worn gear does not heal" in page
-
-
 def test_a_repair_ends_all_three_and_a_fault_after_it_is_told_anew(service: Inside) -> None:
     for gearbox in ("repaired", "beside"):
         heard(service, gearbox, "notch", "normal")

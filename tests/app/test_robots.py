@@ -265,13 +265,3 @@ def test_what_is_no_robot_is_refused_in_words(
     assert (refused.status_code, refused.headers["content-type"]) == (status, "application/problem+json")
     assert told in refused.json()["detail"]
     assert operator.get("/readyz").status_code == 200
-
-
-def test_a_next_motion_is_wanted_or_not(operator: httpx.Client) -> None:
-    refused = operator.post(URL, files=parts(), data={"next_motion": "perhaps"})
-    assert (refused.status_code, "must be true or false" in refused.json()["detail"]) == (422, True)
-
-
-def test_axis_and_robot_are_one_too_many(operator: httpx.Client) -> None:
-    refused = operator.post(URL, files=parts(), data={"axis": AXIS.decode()})
-    assert (refused.status_code, "'axis' and 'robot' are one too many" in refused.json()["detail"]) == (422, True)

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from casebase import evaluation
 from casebase.case_table import CaseTable
-from casebase.errors import InvalidRequestError
 from casebase.evaluation import Proportion, evaluate
 from tests.casebase import made
 
@@ -47,11 +46,6 @@ def test_wilson_interval_solves_its_equation(right: int, of: int) -> None:
             deviation = abs(right / of - bound) / np.sqrt(bound * (1 - bound) / of)
             assert deviation == pytest.approx(1.959964, abs=1e-5)
     assert low <= right / of <= high
-
-
-def test_nothing_counted_is_no_number() -> None:
-    assert Proportion(0, 0).value is None
-    assert Proportion(0, 0).interval == (0.0, 1.0)
 
 
 def test_classes_far_apart_are_found_in_unseen_gearboxes() -> None:
@@ -116,11 +110,6 @@ def test_simulated_cases_are_learned_from_but_not_tested_where_there_are_measure
         assert (found.cases, found.gearboxes) == (18, len(set(table.gearboxes) - {"g0", "g1"}))
 
 
-def test_numbers_from_no_case_come_from_no_gearbox() -> None:
-    found = evaluate(made_table(4), origin="simulated")
-    assert (found.cases, found.gearboxes) == (0, 0)
-
-
 def joined(measured: CaseTable, simulated: CaseTable) -> CaseTable:
     """Return one table of measured and simulated cases."""
     count = len(measured) + len(simulated)
@@ -150,15 +139,6 @@ def test_simulated_cases_change_neither_figure_of_novelty(gearboxes: int, spoilt
     assert any(share.right for share in found.left_out.values())
 
 
-def test_figures_without_simulated_cases_stand_beside_those_with_them() -> None:
-    found = evaluate(joined(made_table(12, gearboxes=4), made_table(13, gearboxes=2)))
-    document = found.to_document()["without_simulated"]
-    assert isinstance(document, dict)
-    assert set(document) == {"accuracy", "known_called_new", "left_out_class_called_new"}
-    assert document["accuracy"]["of"] == found.accuracy.of
-    assert evaluate(made_table(12, gearboxes=4)).to_document()["without_simulated"] is None
-
-
 def test_of_an_axis_its_own_cases_are_asked_measured_and_simulated_ones() -> None:
     table = joined(made_table(1), made_table(2))
     table = replace(table, axes=np.where(np.arange(len(table)) % 2, "b", "a"))
@@ -166,13 +146,6 @@ def test_of_an_axis_its_own_cases_are_asked_measured_and_simulated_ones() -> Non
     assert {one.case_id for one in found.outcomes} == set(table.ids[table.axes == "b"].tolist())
     assert {one.origin for one in found.outcomes} == {"measured", "simulated"}
     assert not evaluate(table, axis="nobody's").outcomes
-
-
-def test_unknown_groups_are_refused() -> None:
-    with pytest.raises(InvalidRequestError, match="one of gearbox"):
-        evaluate(made_table(1), group="colour")
-    with pytest.raises(InvalidRequestError, match="measured, simulated"):
-        evaluate(made_table(1), origin="guessed")
 
 
 def test_probabilities_are_calibrated_on_unseen_gearboxes() -> None:

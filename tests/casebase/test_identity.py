@@ -138,14 +138,6 @@ def test_a_query_that_is_in_the_library_says_which_case_it_is_and_does_not_vote_
     assert new["recording"]["same_as_case"] is None  # type: ignore[index]
 
 
-def test_the_only_case_of_a_library_says_what_it_is_when_it_is_asked(library: CaseLibrary, tmp_path: Path) -> None:
-    path = write_sound(tmp_path / "a.wav", 1)
-    case = add_sound(library, path, "notch")
-    found = diagnosed(library, copy_of(path, "again.flac"))
-    assert found.verdict == "not_in_library"
-    assert found.document["recording"]["same_as_case"] == case.id  # type: ignore[index]
-
-
 def test_a_bundle_with_copies_is_taken_but_for_those(library: CaseLibrary, tmp_path: Path) -> None:
     path = write_sound(tmp_path / "a.wav", 1)
     there = CaseLibrary.open(tmp_path / "there")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from casebase.case_table import CaseTable, load_table
 from casebase.library import CaseLibrary
 from casebase.retrieval import CaseMatrix
-from casebase.similarity import LIMIT, Metric, column_quantiles, robust_scales
+from casebase.similarity import LIMIT, Metric
 from tests.casebase.made import VERSION, add_case, store
 
 
@@ -64,18 +64,6 @@ def test_search_finds_what_plain_arithmetic_finds(seed: int, count: int, k: int,
     expected = np.sqrt(np.sort(plain_squares(table, metric, query))[:k])
     assert len(found) == min(k, count)
     np.testing.assert_allclose([match.distance for match in found], expected, rtol=1e-4, atol=1e-6)
-
-
-@given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=20, deadline=None)
-def test_large_and_small_tables_select_alike(seed: int) -> None:
-    generator = np.random.default_rng(seed)
-    values = generator.normal(size=(5000, 8))
-    query = generator.normal(size=8)
-    table, metric = table_of(values), metric_of(8)
-    found = [match.case_id for match in CaseMatrix(table, metric).search(query, 7)]
-    nearest = np.argsort(((table.values.astype(np.float64) - query) ** 2).sum(axis=1))[:7]
-    assert found == [str(table.ids[row]) for row in nearest]
 
 
 def test_contributions_add_up_to_the_distance_exactly() -> None:
@@ -130,23 +118,6 @@ def test_close_cases_far_from_the_origin_are_told_apart() -> None:
     found = CaseMatrix(table, metric_of(1)).search(query, 3)
     truth = np.abs(table.values[:, 0].astype(np.float64) - query[0])
     np.testing.assert_allclose([m.distance for m in found], np.sort(truth)[:3], atol=1e-7)
-
-
-def test_column_quantiles_are_those_of_numpy() -> None:
-    generator = np.random.default_rng(4)
-    values = generator.normal(size=(23, 40))
-    values[generator.random(values.shape) < 0.3] = np.nan
-    shares = (0.0, 0.02, 0.5, 0.9, 1.0)
-    np.testing.assert_allclose(column_quantiles(values, shares), np.nanquantile(values, shares, axis=0))
-    assert np.isnan(column_quantiles(np.full((3, 1), np.nan), (0.5,))).all()
-
-
-def test_robust_scale_ignores_an_outlier_and_never_is_zero() -> None:
-    values = np.random.default_rng(2).normal(3.0, 2.0, size=(4001, 1))
-    values[0] = 1e9
-    center, scale = robust_scales(np.hstack([values, np.full((4001, 1), 7.0), np.full((4001, 1), np.nan)]))
-    assert center[:2] == pytest.approx([3.0, 7.0], abs=0.15)
-    assert scale == pytest.approx([2.0, 1.0, 1.0], rel=0.05)
 
 
 def test_table_follows_every_change(library: CaseLibrary) -> None:

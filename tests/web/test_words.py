@@ -13,12 +13,10 @@ from app.web.charts import envelope
 from app.web.diagnosis_view import facts_of
 from app.web.evidence import evidence_of
 from app.web.map import projected
-from app.web.standing_words import SHAPES
-from app.web.svg import Axis, Marker, Series, line_chart
+from app.web.svg import Axis, Series, line_chart
 from app.web.templating import percent
-from app.web.words import CHECKS, EMPTY, how_sure, is_compared, verdict_of
+from app.web.words import CHECKS, verdict_of
 from casebase.case_table import CaseTable
-from casebase.gearbox_state import State
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.differing import Differing
 
@@ -47,17 +45,6 @@ def document(**changes: object) -> dict[str, Any]:
     }
 
 
-def test_size_stands_in_the_verdict_with_its_interval() -> None:
-    verdict = verdict_of(document())
-    assert verdict.headline == "Fault likely: tooth damage (notch)"
-    assert (
-        "About 1.4\N{NO-BREAK SPACE}mrad (4.8\N{NO-BREAK SPACE}arc min) deep (90 % interval 0.56 to 3.7"
-        in verdict.summary
-    )
-    without = verdict_of(document(severity=None))
-    assert without.summary.startswith("How sure: 90")
-
-
 @pytest.mark.parametrize(
     ("gearboxes", "said"), [(0, "0.90 of 1"), (1, "0.90 of 1"), (2, percent(0.9)), (40, percent(0.9))]
 )
@@ -66,12 +53,6 @@ def test_how_sure_stands_in_per_cent_only_where_it_is_calibrated(gearboxes: int,
     assert f"How sure: {said}. " in verdict_of(told).summary
     assert facts_of(told)[0][:2] == ("How sure", said)
     assert ("not calibrated" in facts_of(told)[0][2]) == (gearboxes < 2)
-
-
-def test_what_is_allowed_as_new_stands_beside_a_size_where_it_is_known() -> None:
-    (beside,) = (note for name, _, note in facts_of(document(), "0.3 mrad") if name.startswith("Depth"))
-    assert beside.endswith("; as new at most 0.3 mrad")
-    assert not any("as new" in note for _, _, note in facts_of(document()))
 
 
 def undecided(**changes: object) -> dict[str, Any]:
@@ -101,19 +82,6 @@ def test_what_is_excluded_is_not_left() -> None:
     assert "excluded" in verdict_of(undecided(labels=[])).summary, "nothing is left"
 
 
-def test_a_fault_of_which_the_label_is_undecided_is_said_to_be_one() -> None:
-    """Whether there is one first, how sure, which it may be, and the border that was missed."""
-    told = verdict_of(undecided())
-    assert "Fault likely" in told.headline
-    assert "tooth damage (notch)" in told.headline
-    assert "backlash (play)" in told.headline
-    assert told.headline != verdict_of(document()).headline
-    assert told.sign == verdict_of(document()).sign
-    assert told.summary.index("97") < told.summary.index("89") < told.summary.index("90"), "nothing is rounded up to it"
-    assert "97" in how_sure(undecided())
-    assert [name for name, _, _ in facts_of(undecided())][:3] == ["A fault", "How sure", "Cannot be excluded"]
-
-
 def test_of_a_fault_that_is_undecided_no_fault_is_headline() -> None:
     maybe = undecided(fault={"present": None, "probability": 0.62})
     assert "Fault likely" not in verdict_of(maybe).headline
@@ -135,47 +103,6 @@ def test_of_a_recording_that_is_too_short_that_is_said_and_not_to_inspect_the_ge
     assert not any("inspected" in check for check in told.checks)
 
 
-def test_what_was_not_compared_is_none_of_unlike() -> None:
-    named: dict[str, Any] = {"verdict": "not_in_library", "label": None, "probability": None}
-    assert is_compared(undecided(**named))
-    assert not is_compared(undecided(**named, quality=[SHORT]))
-    assert not is_compared(undecided(**named, remarks=[EMPTY]))
-    noted = {**named, "quality": [{**SHORT, "severity": "note"}]}
-    assert not is_compared(undecided(**noted, recording={"duration_s": 0.6}))
-    assert is_compared(undecided(**noted, recording={"duration_s": 60.0}))
-
-
-def test_an_empty_library_and_one_of_one_label_say_so() -> None:
-    nothing = {"distance": None, "threshold": None}
-    unnamed: dict[str, Any] = {"label": None, "probability": None, "fault": {"present": None, "probability": None}}
-    empty = verdict_of(
-        undecided(verdict="not_in_library", hypotheses=[], labels=[], novelty=nothing, remarks=[EMPTY], **unnamed)
-    )
-    assert "no case" in empty.headline
-    assert not any("inspected" in check for check in empty.checks)
-    one = undecided()["hypotheses"][:1]
-    alone = unnamed | {"label": "notch", "probability": 0.5, "hypotheses": one, "labels": ["notch"]}
-    assert "one label alone" in verdict_of(undecided(**alone)).headline
-    assert how_sure(undecided(**alone)) == "–"
-    assert not facts_of(undecided(**alone, evidence=[]))
-
-
-def test_every_fault_has_the_sign_of_a_likely_fault_and_none_that_of_watch() -> None:
-    assert {verdict_of(document(label=label)).sign for label in ("play", "notch", "pitting")} == {"notch"}
-    assert SHAPES[State.FAULT_LIKELY] == "notch"
-    assert SHAPES[State.WATCH] not in {verdict_of(document(label=label)).sign for label in ("play", "normal")}
-
-
-def test_of_what_an_undecided_answer_is_sure_stands_beside_the_figure() -> None:
-    hypotheses = [
-        {"label": "normal", "probability": 0.88, "p_value": 0.5, "support": {"measured": 4, "simulated": 0}},
-        {"label": "notch", "probability": 0.12, "p_value": 0.3, "support": {"measured": 1, "simulated": 0}},
-    ]
-    sound = document(verdict="ambiguous", label="normal", probability=0.88, hypotheses=hypotheses)
-    assert how_sure(sound) == "88\N{NO-BREAK SPACE}% no fault"
-    assert how_sure(document()) == "90\N{NO-BREAK SPACE}%"
-
-
 def test_a_step_by_hand_begins_with_securing() -> None:
     """A load that nobody supports drops when the brake is released."""
     steps = [step for checks in CHECKS.values() for step in checks]
@@ -185,22 +112,6 @@ def test_a_step_by_hand_begins_with_securing() -> None:
     assert len(moved) >= 7
     for step in moved:
         assert "may drop when the brake is released" in step
-
-
-def test_only_of_the_named_fault_it_is_said_when_it_comes_in_the_cycle() -> None:
-    """As a time and as a phase; where an earlier version did not say the period, as a phase alone."""
-    found = document()
-    period = {"kind": "motion", "quantity": "motion_period", "value": 2.0, "statement": "", "unit": "s"}
-    timed = document(evidence=[period, *found["evidence"]])
-    facts = {name: (value, note) for name, value, note in facts_of(timed)}
-    value, note = facts["Time in the cycle"]
-    assert value == "1.46\N{NO-BREAK SPACE}s"
-    assert str(note) == "after a reversal; phase 263° of a cycle of 2.00\N{NO-BREAK SPACE}s"
-    without = {name: value for name, value, _ in facts_of(found)}
-    assert without["Phase in the cycle"] == "263°"
-    for told in (timed, found):
-        words = " ".join(f"{name} {value} {note}" for name, value, note in facts_of(told))
-        assert "angle" not in f"{words} {' '.join(verdict_of(told).checks)}".lower()
 
 
 def test_evidence_leads_only_to_plots_that_are_drawn() -> None:
@@ -226,15 +137,6 @@ def test_line_is_broken_where_nothing_was_measured() -> None:
     drawn = line_chart("t", [series], Axis("x"), Axis("y"))
     path = drawn.split('class="series s1" d="')[1].split('"')[0]
     assert path.count("M") == 2
-
-
-def test_words_of_markers_do_not_run_into_each_other() -> None:
-    x = np.linspace(0.0, 1000.0, 500)
-    markers = [Marker(100.0, "mesh 150×"), Marker(104.0, "mesh 1200×"), Marker(900.0, "mesh 9×")]
-    drawn = line_chart("t", [Series("s", x, x)], Axis("x"), Axis("y"), markers=markers)
-    heights = [float(part.split('y="')[1].split('"')[0]) for part in drawn.split("<text")[1:] if "mesh" in part]
-    assert heights[0] != heights[1]
-    assert heights[0] == heights[2]
 
 
 def test_a_case_lies_on_the_map_where_its_features_put_it() -> None:

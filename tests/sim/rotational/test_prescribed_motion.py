@@ -1,10 +1,9 @@
-"""Motion sources tied to friction: drawn compositions against scipy, and closed forms of what once went wrong."""
+"""Motion sources tied to friction: closed forms of what once went wrong."""
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from sim.errors import RunError, SimulationError
+from sim.errors import RunError
 from sim.rotational.component import Component
 from sim.rotational.components import (
     BearingFriction,
@@ -20,63 +19,8 @@ from sim.rotational.components import (
 )
 from sim.rotational.drive_train import DriveTrain
 from sim.solver import Engine, simulate
-from tests.sim.rotational.prescribed import Case, Contradiction, Truth, draw
 
-RATE_HZ = 200.0
-TIMES = np.arange(int(RATE_HZ) + 1) / RATE_HZ
 ENGINES: tuple[Engine, ...] = ("exact", "runge-kutta")
-
-
-def compare(case: Case, engine: Engine) -> None:
-    """Angles, speeds and torques agree to 1e-6 of the largest; torques that jump at an event, not within a microsecond
-    of it, nor where the shaft stands still and nothing determines what friction holds."""
-    truth = Truth(case, TIMES)
-    try:
-        theta, omega, phi, w, torque, friction = truth.run().T
-    except Contradiction:
-        with pytest.raises(SimulationError):
-            simulate(case.train, 1.0, RATE_HZ, engine=engine)
-        return
-    result = simulate(case.train, 1.0, RATE_HZ, engine=engine)
-    ratio, largest = case.friction.ratio, max(np.abs(w).max(), np.abs(omega).max(), 1e-3)
-    clear = np.ones(len(TIMES), dtype=bool)
-    for instant in (*truth.events, *case.breaks, *(event.time_s for event in result.events)):
-        clear &= np.abs(TIMES - instant) > 1e-6
-    if case.link != "spring":
-        clear &= (np.abs(w) > 1e-6 * largest) & (np.abs(omega) > 1e-6 * largest)
-    loss = "friction.tauLoss" if "friction.tauLoss" in result.channels else "friction.tau"
-    first = case.first_inertia * np.array([case.rate(t, p, v) for t, p, v in zip(TIMES, theta, omega, strict=True)])
-    angle = max(np.abs(theta).max(), np.abs(phi).max(), 1e-3)
-    force = max(np.abs(torque).max(), np.abs(friction).max(), np.abs(first).max(), 1e-2)
-
-    def close(name: str, values: NDArray[np.float64], wanted: NDArray[np.float64], size: float) -> None:
-        np.testing.assert_allclose(values, wanted, rtol=0, atol=1e-6 * size, err_msg=f"{case.name}: {name}")
-
-    close("angle of the source", result["source.phi"], theta, angle)
-    close("speed of the source", result["source.w"], omega, largest)
-    close("angle of the body", result["body.phi"], phi / ratio, angle)
-    close("speed of the body", result["body.w"], w / ratio, largest)
-    close("torque of the source", -result["source.flange.tau"][clear], (torque / case.gear + first)[clear], force)
-    close("friction", result[loss][clear], friction[clear], force)
-
-
-@pytest.mark.parametrize("seed", range(16))
-def test_a_drawn_composition_is_what_its_equations_say(seed: int) -> None:
-    compare(draw(seed), "exact")
-
-
-@pytest.mark.parametrize("seed", [2])
-def test_the_other_engine_says_so_too(seed: int) -> None:
-    compare(draw(seed), "runge-kutta")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("block", range(20))
-def test_two_thousand_drawn_compositions(block: int) -> None:
-    for seed in range(100 * block, 100 * block + 100):
-        compare(draw(seed), "exact")
-        if seed % 20 == 0:
-            compare(draw(seed), "runge-kutta")
 
 
 @pytest.mark.parametrize("engine", ENGINES)
