@@ -1,4 +1,4 @@
-"""The plan of scenarios: a quick set for every test run, and the full bank.
+"""The plan of scenarios of the full bank.
 
 Seeds below 100,000 are for calibrating the product, those of the banks lie above a million: disjoint.
 """
@@ -16,7 +16,6 @@ from tests.hidden_effects.generator.recipe import COMPARED, CONFOUNDED, HEARD, P
 
 CALIBRATION_SEEDS = range(100_000)
 BANK_SEED = 1_000_000
-QUICK_SEED = 2_000_000
 SEEDS_EACH = 10
 
 
@@ -92,23 +91,3 @@ def full_bank(first_seed: int = BANK_SEED) -> tuple[Entry, ...]:
         order += [len(plan) + int(place) for place in rng.permutation(len(part))]
         plan += part
     return tuple(Entry(first_seed + SEEDS_EACH * place, *plan[place]) for place in order)
-
-
-QUICK_BANK = tuple(
-    Entry(QUICK_SEED + SEEDS_EACH * place, *what)
-    for place, what in enumerate(
-        (
-            ("null", (), "full"),
-            ("null", (), "full"),
-            ("wrong parameters", (), "full"),
-            ("mechanics", ("backlash",), "strong"),
-            ("mechanics", ("tooth_damage",), "strong"),
-            ("mechanics", ("gravity_imbalance",), "full"),
-            ("mechanics", ("coulomb_friction",), "full"),
-            ("mechanics", ("bearing_defect",), "full"),
-            ("unnamed", ("fixed_frequency_disturbance",), "strong"),
-            ("sensor", ("electrical_hum",), "full"),
-            ("mechanics", ("structural_resonance",), "full"),
-        )
-    )
-)

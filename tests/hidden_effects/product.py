@@ -11,7 +11,6 @@ import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -43,21 +42,13 @@ def peak_mib() -> float:
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
 
 
-def _run(command: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
+def _run(command: Sequence[str], folder: Path, limit_s: float = TIME_LIMIT_S) -> subprocess.CompletedProcess[str]:
     """Run a command with its data in `folder`; what it prints is text."""
     data = str(folder / "data")
     environment = {**os.environ, "GEARCASE_DATA_DIR": data, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
     return subprocess.run(
-        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=TIME_LIMIT_S, check=False
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=limit_s, check=False
     )
-
-
-@lru_cache
-def has_investigate() -> bool:
-    """Return whether the command line knows the verb."""
-    with tempfile.TemporaryDirectory() as folder:
-        done = _run([*COMMAND, "investigate", "--help"], Path(folder))
-    return done.returncode == 0
 
 
 def investigate(scenario: Scenario) -> Answer:
@@ -77,8 +68,13 @@ def investigate_together(scenarios: Sequence[Scenario]) -> list[dict[str, Any]]:
             write(scenario, folder)
             files = ["--axis", str(folder / "axis.toml"), "--telemetry", str(folder / "telemetry.csv")]
             verbs.append(["investigate", *files, "--json"])
-        done = _run([sys.executable, "-c", SEVERAL, json.dumps(verbs)], Path(name))
-        done.check_returncode()
+        return together(verbs, Path(name))
+
+
+def together(verbs: Sequence[Sequence[str]], folder: Path) -> list[dict[str, Any]]:
+    """Documents of several commands by one process, which starts once; its data are in `folder`."""
+    done = _run([sys.executable, "-c", SEVERAL, json.dumps(verbs)], folder, TIME_LIMIT_S * len(verbs))
+    done.check_returncode()
     documents, rest, decoder = [], done.stdout.strip(), json.JSONDecoder()
     while rest:
         document, end = decoder.raw_decode(rest)
