@@ -196,7 +196,7 @@ def test_any_value_anywhere_in_the_json_of_a_form(
     check(service, service.ask(route[0], API + route[1], files=files, data={part: text}), text[:300])
 
 
-@pytest.mark.parametrize("name", ["Ось 4", "轴一", "a b", "50%", "a%2Fb", "what?", "#4", "é", "محور"])
+@pytest.mark.parametrize("name", ["轴一", "a%2Fb", "what? #4"])
 def test_an_axis_may_have_a_name_of_any_script(service: Inside, name: str) -> None:
     """It is found under its Location, on its page, by its mark, and in a recording's metadata."""
     answer = service.ask("POST", f"{API}/axes", json={**AXIS, "name": name})
@@ -213,9 +213,7 @@ def test_an_axis_may_have_a_name_of_any_script(service: Inside, name: str) -> No
     assert RecordingMetadata(axis=name).axis == name
 
 
-@pytest.mark.parametrize(
-    "name", ["..", "a..b", "../keys", "a/b", ".", "a\nb", "a\x85b", "a\x7f", " a", "\u2028", "x" * 201]
-)
+@pytest.mark.parametrize("name", ["../keys", "a/b", "a\x85b", " a", "x" * 201])
 def test_a_name_that_cannot_stand_in_an_address_is_refused(service: Inside, name: str) -> None:
     telemetry = {"telemetry": ("t.csv", table("temperature_degc").encode())}
     axis = json.dumps({**AXIS, "name": name})

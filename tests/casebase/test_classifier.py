@@ -26,8 +26,8 @@ def drawn(rng: np.random.Generator, boxes: int, shift: float, each: int = 2) -> 
 
 @pytest.mark.parametrize("shift", [0.0, 2.0, 20.0])
 def test_probabilities_sum_to_one(shift: float) -> None:
-    for seed in range(5):
-        known, asked = drawn(np.random.default_rng(seed), 2 + seed, shift)
+    for seed in range(2):
+        known, asked = drawn(np.random.default_rng(seed), 2 + 3 * seed, shift)
         for values in asked.values:
             judgement = Reasoner(known).judge(values, "axis")
             probabilities = [each.probability for each in judgement.hypotheses]
@@ -52,19 +52,19 @@ def test_order_of_the_cases_changes_nothing() -> None:
 
 
 def test_prediction_sets_hold_the_truth_nine_times_in_ten() -> None:
-    """On 300 drawn libraries of ten cases of each label and more, asked of a gearbox that they do not have.
+    """On 100 drawn libraries of ten cases of each label and more, asked of a gearbox that they do not have.
 
     Fewer than ten exclude nothing, and of so few the p-values go in steps: sets hold it rather more often than less.
     """
     held = []
-    for seed in range(300):
+    for seed in range(100):
         rng = np.random.default_rng(seed)
         known, asked = drawn(rng, int(rng.integers(5, 11)), float(rng.uniform(1.0, 6.0)))
         classifier = Classifier(known, np.arange(len(known)))
         for values, truth in zip(asked.values, asked.labels, strict=True):
             p_values = classifier.held_out.p_values(classifier.shares(values))
             held.append(p_values[classifier.classes.index(truth)] > EXCLUDED_BELOW)
-    assert 0.86 <= np.mean(held) <= 0.96
+    assert 0.85 <= np.mean(held) <= 0.97
 
 
 def test_held_out_answers_never_use_their_own_gearbox() -> None:

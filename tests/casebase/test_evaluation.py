@@ -121,11 +121,10 @@ def joined(measured: CaseTable, simulated: CaseTable) -> CaseTable:
     return CaseTable(1, "made", measured.names, ids, labels, origins, axes, gearboxes, ids, values)
 
 
-@pytest.mark.parametrize("gearboxes", [4, 6])
 @pytest.mark.parametrize("spoilt", [1.0, 4.0])
-def test_simulated_cases_change_neither_figure_of_novelty(gearboxes: int, spoilt: float) -> None:
+def test_simulated_cases_change_neither_figure_of_novelty(spoilt: float) -> None:
     """Simulated cases with wrong labels, scattered over what no gearbox has shown."""
-    measured, simulated = made_table(12, gearboxes=gearboxes, shift=8.0), made_table(13)
+    measured, simulated = made_table(12, gearboxes=4, shift=8.0), made_table(13, gearboxes=3)
     wrong = replace(
         simulated, labels=np.roll(simulated.labels, 1), values=(spoilt * simulated.values).astype(np.float32)
     )
@@ -151,7 +150,7 @@ def test_of_an_axis_its_own_cases_are_asked_measured_and_simulated_ones() -> Non
 def test_probabilities_are_calibrated_on_unseen_gearboxes() -> None:
     """Over many small libraries, recordings said with a mean probability are right that often, within 0.15."""
     said, right = [], []
-    for seed in range(6):
+    for seed in range(3):
         outcomes = evaluate(made_table(seed, shift=3.0)).outcomes
         said += [each.probability for each in outcomes]
         right += [each.best == each.truth for each in outcomes]
@@ -161,11 +160,11 @@ def test_probabilities_are_calibrated_on_unseen_gearboxes() -> None:
 def test_a_large_library_is_evaluated_by_as_many_of_each_label_and_in_the_folds_of_the_whole(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    table = made_table(4, gearboxes=12)
-    monkeypatch.setattr(evaluation, "MOST_KNOWN", 60)
+    table = made_table(4, gearboxes=8)
+    monkeypatch.setattr(evaluation, "MOST_KNOWN", 36)
     result = evaluate(table)
-    assert (result.known, len(table)) == (60, 72)
+    assert (result.known, len(table)) == (36, 48)
     per_class = {label: share.of for label, share in result.per_class.items()}
-    assert per_class == {"normal": 20, "notch": 20, "play": 20}
+    assert per_class == {"normal": 12, "notch": 12, "play": 12}
     assert result.accuracy.value is not None
     assert result.accuracy.value >= 0.9

@@ -2,17 +2,14 @@
 
 import json
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 from sqlalchemy import select
 
-from app.documents import DiagnosisAnswer
 from app.web.charts import waveform
 from app.web.diagnosis_view import analysed
-from app.web.disturbed import flags_of, marked, stretches
-from app.web.words import remarks_beside, verdict_of
+from app.web.disturbed import marked, stretches
 from casebase.library import CaseLibrary
 from casebase.models import StoredDiagnosis
 from casebase.signals.condition import UNKNOWN
@@ -20,7 +17,7 @@ from casebase.signals.disturbances import Survey, survey
 from casebase.signals.quality import DISTURBANCES
 from tests.app.sounds import wav
 from tests.casebase.signals.synthetic import KNOCK_S, SILENT_S, Joint, disturbed, sound
-from tests.live import LiveServer, gearcase, started
+from tests.live import LiveServer, started
 from tests.web.reading import Markup
 
 TOO_POOR = "the recording is too poor for a label to be relied on: see what is said of it, and record again"
@@ -123,20 +120,6 @@ def test_page_and_report_name_what_is_left_out_without_script(server: LiveServer
     assert report.count("rect", class_="stretch") == shown.count("rect", class_="stretch")
 
 
-def test_terminal_says_every_sentence_once(server: LiveServer, tmp_path: Path) -> None:
-    path = tmp_path / "field.wav"
-    path.write_bytes(wav(disturbed(2).samples))
-    short = tmp_path / "short.wav"
-    short.write_bytes(wav(sound(Joint(duration_s=4.0))))
-    lines = gearcase("diagnose", path, short, data_dir=server.data_dir).stdout.splitlines()
-    assert any("note, silence: 3.0 s at the start" in line for line in lines)
-    assert any("note, bump: from 1" in line for line in lines)
-    first = next(line for line in lines if line.startswith(str(short)))
-    rest = [line.split(": ", 1)[1] for line in lines[lines.index(first) + 1 :]]
-    assert not [words for words in rest if words.removesuffix(".").lower() in first.lower()]
-    assert len(rest) == len(set(rest))
-
-
 def test_diagnosis_from_before_opens(server: LiveServer) -> None:
     """Diagnoses of earlier versions have neither disturbances nor times of quality flags."""
     with server.client("operator") as client:
@@ -177,39 +160,3 @@ def poor(**changes: object) -> dict[str, Any]:
         "provenance": {"gearboxes": 4},
         **changes,
     }
-
-
-def test_poor_recording_says_first_why_and_what_to_do() -> None:
-    verdict = verdict_of(poor())
-    assert verdict.summary.startswith("The recording is too poor for a label to be relied on")
-    assert verdict.checks[0].startswith("Record again for 20 s or more and three cycles")
-    assert not any("teeth" in check or "motor" in check for check in verdict.checks)
-    assert remarks_beside(poor()) == ["another remark"]
-    assert flags_of(poor()["quality"], 20.0)[0].remedy
-
-
-def test_good_recording_that_is_undecided_is_not_called_poor() -> None:
-    verdict = verdict_of(poor(quality=[], remarks=["another remark"], probability=0.6))
-    assert "poor" not in verdict.summary
-    assert any("motor" in check for check in verdict.checks)
-
-
-@pytest.mark.parametrize("beginning", ["no regular motion is heard, while", "the sound has another colour than"])
-def test_why_it_is_none_of_the_library_is_not_said_by_a_distance(beginning: str) -> None:
-    document = poor(verdict="not_in_library", label=None, probability=None, remarks=[beginning, "another remark"])
-    verdict = verdict_of(document)
-    assert verdict.summary.lower().startswith(beginning)
-    assert "0.30" not in verdict.summary
-    assert remarks_beside(document) == ["another remark"]
-
-
-def test_core_says_poor_in_the_words_that_the_page_looks_for(server: LiveServer) -> None:
-    """Half of a cycle more than one is too little: the remark of the core stands in the summary, and once."""
-    with server.client("operator") as client:
-        files = {"file": ("short.wav", wav(sound(Joint(duration_s=8.5))))}
-        found = client.post("/api/v1/diagnoses", files=files).raise_for_status().json()
-    DiagnosisAnswer.model_validate(found)
-    assert any(flag["severity"] == "poor" for flag in found["quality"])
-    assert found["verdict"] in ("ambiguous", "not_in_library")
-    assert "The recording is too poor" in verdict_of(found).summary
-    assert not [remark for remark in remarks_beside(found) if "too poor" in remark]

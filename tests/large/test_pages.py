@@ -18,7 +18,7 @@ SHORT_BYTES, PAGE_ROWS, SLACK_BYTES = 130, 110, 1000
 """A row of ids and counts; the most rows that a page shows in full; what differs by chance, an id in a text say."""
 
 
-SMALL = Size(cases=900, gearboxes=120, waiting=180, heard=120, others=320)
+SMALL = Size(cases=240, gearboxes=120, waiting=120, heard=120, others=320)
 
 
 def of_a_few(table: CaseTable, **asked: Any) -> Evaluation:

@@ -12,7 +12,7 @@ from tests.web.conftest import COOKIE, KNOWN, Site, fill
 from tests.web.reading import Markup
 
 PREFIX = "/gearcase"
-ROLES = ("viewer", "operator", "admin")
+ROLES = ("viewer", "admin")
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,8 @@ AXE = Path(__file__).resolve().parents[2] / "node_modules" / "axe-core" / "axe.m
 SERIOUS = """async (options) => (await axe.run(options)).violations
     .filter((one) => ["serious", "critical"].includes(one.impact))
     .map((one) => [one.id, one.nodes[0].html.slice(0, 200)])"""
+NARROW = ["color-contrast", "scrollable-region-focusable"]
+"""Rules that another width and other colours can break on a page that kept all of them wide and light."""
 OPTIONS = {"preload": False, "resultTypes": ["violations"]}
 """Preloading would make axe itself put a style into the page, which the content security policy refuses."""
 BROKEN = """() => {
@@ -128,7 +130,7 @@ def check(tab: Tab, path: str) -> None:
         page.emulate_media(color_scheme="dark")
         page.set_viewport_size({"width": 360, "height": 700})
         page.wait_for_function("() => document.documentElement.scrollWidth <= 360")
-        assert page.evaluate(SERIOUS, OPTIONS) == []
+        assert page.evaluate(SERIOUS, {**OPTIONS, "runOnly": NARROW}) == []
         page.evaluate("() => document.querySelectorAll('main details').forEach((one) => (one.open = true))")
         assert page.evaluate(SIDEWAYS) == []
         assert page.evaluate(BROKEN) == []

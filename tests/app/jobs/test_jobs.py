@@ -85,6 +85,7 @@ ON_POSTGRES = pytest.mark.parametrize("place", [pytest.param("postgres", marks=p
 """What the library's own leases and the engine do alike on both is shown on one, for each costs seconds of waiting."""
 
 
+@ON_POSTGRES
 def test_a_killed_worker_loses_nothing_and_doubles_nothing(place: Place) -> None:
     chance = random.Random(7)
     workers = {"a": place.work("a"), "b": place.work("b")}
