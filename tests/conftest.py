@@ -19,7 +19,8 @@ settings.load_profile("repeatable")
 
 TEMPLATE = "gearcase_template"
 LONGEST_FIRST = (
-    "hidden_effects", "test_field_folders.py", "test_pages.py", "jobs", "test_evaluation.py", "web", "app", "discrepancy",
+    "hidden_effects", "test_field_folders.py", "test_pages.py", "jobs", "test_evaluation.py", "web", "app",
+    "discrepancy",
 )  # fmt: skip
 """Folders and files that take longest, so that no process of several is left with one at the end."""
 _numbers = itertools.count()
