@@ -24,6 +24,7 @@ from sim.mechanisms.stribeck_friction import StribeckFriction
 from sim.mechanisms.structural_resonance import StructuralResonance
 from sim.mechanisms.time_delay import TimeDelay
 from sim.mechanisms.tooth_damage import ToothDamage
+from sim.mechanisms.torque_gain import TorqueGain
 from sim.mechanisms.torque_offset import TorqueOffset
 from sim.mechanisms.torque_ripple import TorqueRippleOfMotor
 from sim.mechanisms.viscous_friction import ViscousFriction
@@ -50,6 +51,7 @@ MECHANISMS: Mapping[str, type[Mechanism]] = MappingProxyType(
             BearingDefect,
             StructuralResonance,
             TorqueOffset,
+            TorqueGain,
             EncoderError,
             TimeDelay,
             ElectricalHum,
@@ -81,6 +83,7 @@ __all__ = [
     "StructuralResonance",
     "TimeDelay",
     "ToothDamage",
+    "TorqueGain",
     "TorqueOffset",
     "TorqueRippleOfMotor",
     "ViscousFriction",

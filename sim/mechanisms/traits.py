@@ -95,6 +95,8 @@ class Traits:
         Its size is the gap of a mesh: the same lost motion may lie in another mesh.
     dent
         A dent of one flank: its place is scanned for along the wheels, and teeth may leave it before its bottom.
+    once
+        It happens once in a record, at times that the rows around them alone know.
     like_noise
         Noise that is taken from a fit without it holds none of it: it is seen by what noise is.
     """
@@ -119,6 +121,7 @@ class Traits:
     shakes_load: bool = False
     gap: bool = False
     dent: bool = False
+    once: bool = False
     like_noise: bool = False
 
     @property

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +17,17 @@ from sim.discrepancy.model.nominal import MOTOR_RELEASE, MOTOR_STRETCH, START
 from sim.discrepancy.results import Gain
 from sim.torsional.model import Array
 
-FOLDS = 4
+FOLDS, BLOCKS = 4, 16
 CUT_HZ = 40.0
+Rows = NDArray[np.bool_]
 
 
 def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple[Gain, ...]:
     """Per channel, of the rows that count: at rest dry friction holds what it likes, and no model tells what. Folds are
-    quarters of them, each predicted from the others.
+    quarters of them in blocks of time, each predicted from the others.
 
-    The state in which the record begins is known by its first rows alone, and the speed and the way over which dry
-    friction turns by its reversals, which are few: all are kept.
+    The state in which the record begins is known by its first rows alone, the speed and the way over which dry friction
+    turns by its reversals, which are few, and times of what happens once by the rows around them: all are kept.
 
     Before: the description as it is given or calibrated, whichever leaves less of the torque; numbers that a fit bends
     to stand for something missing may be worse than any data sheet. After: numbers of `fit`, by `terms` alone, and with
@@ -63,11 +63,12 @@ def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple
     return tuple(out)
 
 
-def _folds(weight: Array) -> list[tuple[int, int]]:
-    """First row of each fold and of the one behind it: as many rows that count in each."""
+def _folds(weight: Array) -> list[Rows]:
+    """Rows of each fold: blocks of as many rows that count in each, dealt out one after the other."""
     gone = np.cumsum(weight)
-    edges = np.searchsorted(gone, np.linspace(0.0, float(gone[-1]), FOLDS + 1)[1:-1])
-    return list(pairwise([0, *edges.tolist(), weight.size]))
+    edges = np.searchsorted(gone, np.linspace(0.0, float(gone[-1]), BLOCKS + 1)[1:-1])
+    block = np.searchsorted(edges, np.arange(weight.size), side="right")
+    return [block % FOLDS == fold for fold in range(FOLDS)]
 
 
 def _motion_band(values: Array, rate_hz: float) -> Array:
@@ -78,28 +79,24 @@ def _motion_band(values: Array, rate_hz: float) -> Array:
 
 
 def _held_out(
-    problem: Problem, fit: Fit, terms: Sequence[Term], freed: Sequence[Term], folds: Sequence[tuple[int, int]]
+    problem: Problem, fit: Fit, terms: Sequence[Term], freed: Sequence[Term], folds: Sequence[Rows]
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """What is left of unseen rows of both channels [N m]; the same once corrected by what others say of the doubts."""
     m = problem.measurement
-    said = {t.key for t in terms}
+    reported = {t.key for t in terms}
     given = problem.numbers()
-    as_described = {n: given.get(n, 0.0) for t in freed if t.key not in said for n in t.replaces if n in fit.values}
-    stride = m.load_stride
-    torque, corrected, guide = (
-        np.zeros(m.samples),
-        np.zeros(m.samples),
-        np.zeros((m.samples + stride - 1) // stride if problem.guided else 0),
-    )
-    rows = np.concatenate([np.arange(m.samples), np.arange(guide.size) * stride])
-    refits = Refits.of(fit, (*START, MOTOR_RELEASE, MOTOR_STRETCH))
-    for first, last in folds:
-        values = without(fit, refits, (rows >= first) & (rows < last)) | as_described
+    as_described = {n: given.get(n, 0.0) for t in freed if t.key not in reported for n in t.replaces if n in fit.values}
+    torque, corrected = np.zeros(m.samples), np.zeros(m.samples)
+    guide = np.zeros((m.samples + m.load_stride - 1) // m.load_stride if problem.guided else 0)
+    times = (name for t in fit.terms if t.traits.once for name in t.shape)
+    refits = Refits.of(fit, (*START, MOTOR_RELEASE, MOTOR_STRETCH, *times))
+    for unseen in folds:
+        at_load = unseen[:: m.load_stride][: guide.size]
+        values = without(fit, refits, np.concatenate([unseen, at_load])) | as_described
         a, b = problem.raw_residuals(terms, values, weighted=False)
-        expected = by_doubts(m, problem.noise, a, first, last) if terms else np.zeros(m.samples)
-        torque[first:last], corrected[first:last] = a[first:last], (a - expected)[first:last]
-        inside = (np.arange(guide.size) * stride >= first) & (np.arange(guide.size) * stride < last)
-        guide[inside] = b[inside]
+        expected = by_doubts(m, problem.noise, a, unseen) if terms else np.zeros(m.samples)
+        torque[unseen], corrected[unseen] = a[unseen], (a - expected)[unseen]
+        guide[at_load] = b[at_load]
     return (torque, guide), (corrected, guide)
 
 

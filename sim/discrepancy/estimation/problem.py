@@ -251,17 +251,22 @@ class Problem:
     def best(self, terms: Sequence[Term], starts: Sequence[Start], *, to_end: bool = True) -> Fit | None:
         """The best fit from several starts, each with the sensitivities known there; None where none can be simulated.
 
-        Where teeth come loose and meet again, the way to the least squares is rough.
+        `to_end`: the one that is ahead after a few steps is finished, the others are not. But where teeth come loose and
+        meet again the way to the least squares is rough, and all are.
         """
+        at_once = to_end and (len(starts) == 1 or any(t.contact for t in terms))
 
         def fitted(start: Start) -> Fit | None:
             values, held = start
             try:
-                return self.fit(terms, values, held=held, to_end=to_end)
+                return self.fit(terms, values, held=held, to_end=at_once)
             except ChainError:
                 return None
 
-        return min((f for f in each(fitted, starts) if f), key=lambda f: f.cost, default=None)
+        first = min((f for f in each(fitted, starts) if f), key=lambda f: f.cost, default=None)
+        if first is None or not to_end or at_once:
+            return first
+        return self.fit(terms, first.values, held=first.sensitivities, to_end=True)
 
     def _step(
         self,

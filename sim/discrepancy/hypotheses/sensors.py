@@ -15,14 +15,16 @@ from sim.discrepancy.hypotheses.harmonics import (
     amplitude,
     cosine_and_sine,
     cosine_and_sine_probe,
+    parameter_key,
 )
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.parameters import Owner, Parameter, Values
-from sim.mechanisms import ElectricalHum, EncoderError, TimeDelay, TorqueOffset
+from sim.mechanisms import ElectricalHum, EncoderError, TimeDelay, TorqueGain, TorqueOffset
 
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
 HIGHEST_HUM = 0.4  # of the sample rate
 LATEST_S = 0.02  # what wants to be later is no delay
+EDGE_S = 0.1  # over which a factor changes
 HUM_SHARE = 0.003  # of the torque: less hum does not matter
 
 
@@ -44,6 +46,32 @@ def delay(name: str, location: str, size: float) -> Term:
     return Term(
         TimeDelay.name, location, parameters, (({name: size},), ({name: -size},)), lambda v: {"delay_s": v[name]},
         replaces=(name,), size=size, magnitude=lambda v: v[name] if abs(v[name]) < 0.99 * LATEST_S else 0.0,
+    )  # fmt: skip
+
+
+def gain(level: float, duration_s: float, start_s: float, end_s: float, among: int) -> Term:
+    """The torque channel read by another factor between two times, which a fit may move.
+
+    `level`: usual share [1]; `among`: windows of which this one was picked. The factor turns over `EDGE_S`, so that
+    what is left has a slope over either time.
+    """
+    share, start, end = (parameter_key(TorqueGain.name, "motor", p.name) for p in TorqueGain.parameters)
+
+    def torque(m: Measurement, values: Values) -> Array:
+        since, until = ((m.time_s - values[name]) / EDGE_S for name in (start, end))
+        factor = values[share] * 0.5 * (np.tanh(since) - np.tanh(until))
+        return np.asarray(m.torque * factor / (1.0 + factor))
+
+    numbers = TorqueGain.parameters[0]
+    parameters = (
+        Parameter(share, 0.0, 0.1 * level, low=numbers.low, high=numbers.high),
+        Parameter(start, start_s, 0.5 * EDGE_S, low=0.0, high=duration_s, unit="s"),
+        Parameter(end, end_s, 0.5 * EDGE_S, low=0.0, high=duration_s, unit="s"),
+    )
+    return Term(
+        TorqueGain.name, "motor", parameters, (({share: level},),),
+        lambda v: {"share": v[share], "start_s": v[start], "end_s": v[end]},
+        torque=torque, shape=(start, end), size=0.5 * level, among=among,
     )  # fmt: skip
 
 

@@ -18,19 +18,17 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 
 Fitted = tuple[Problem, Fit]
 NAMES = 40.0  # mechanisms and places among which one is looked for
+DECIDED = 200.0  # log odds which no refit under other noise brings near to those of `NAMES`
 BANDS = 40
 FEWEST_LINES = 8  # in a band
 MOSTLY = 0.5  # of the squares of what a term changes
 
 
-def without(problem: Problem, fit: Fit, term: Term) -> Fitted | None:
-    """The model without a term, fitted under its own noise; None where most of what the term changes lies above the
-    band of the motion."""
+def without(problem: Problem, fit: Fit, term: Term) -> Fit | None:
+    """The model without a term; None where most of what the term changes lies above the band of the motion."""
     rest = tuple(t for t in fit.terms if t is not term)
     less = problem.fit(rest, fit.values, to_end=True)
-    if share_in_band(problem, less.residual - fit.residual) < MOSTLY:
-        return None
-    return in_own_noise(problem, less)
+    return None if share_in_band(problem, less.residual - fit.residual) < MOSTLY else less
 
 
 def in_own_noise(problem: Problem, fit: Fit) -> Fitted:

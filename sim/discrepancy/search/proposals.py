@@ -29,7 +29,7 @@ from sim.discrepancy.search.criterion import (
     wanted,
 )
 from sim.discrepancy.search.effect_size import beyond, magnitude
-from sim.discrepancy.search.residual_proposals import nameless_terms, ripples, waves
+from sim.discrepancy.search.residual_proposals import changed_gain, nameless_terms, ripples, waves
 from sim.discrepancy.search.score_test import Screened, screen
 from sim.discrepancy.search.tooth_scan import Place, scan
 from sim.mechanisms import MECHANISMS
@@ -100,7 +100,8 @@ def candidates_of(problem: Problem, fit: Fit, only: Collection[str] | None, *, d
     if dented:
         candidates += damage_terms(problem, fit.terms, fit.values)
     if only is None:
-        candidates += nameless_terms(problem, fit) + ripples(problem, fit) + waves(problem, fit)
+        candidates += [*nameless_terms(problem, fit), *ripples(problem, fit), *waves(problem, fit)]
+        candidates += changed_gain(problem, fit)
     return [t for t in candidates if t.key not in present and (only is None or t.mechanism in only)]
 
 
@@ -192,7 +193,10 @@ def settled(
     for term in terms:
         if term.traits.dent:
             starts += [({**fit.own, **other}, {}) for other in _other_dents(term, fit.own)]
-    return _better(fit, problem.best(terms, starts))
+    other = problem.best(terms, starts, to_end=any(t.contact for t in terms))
+    if other is None or other.cost >= fit.cost:
+        return fit
+    return problem.fit(terms, other.values, held=other.sensitivities, to_end=True)
 
 
 def _other_dents(term: Term, values: Mapping[str, float]) -> list[dict[str, float]]:
@@ -207,10 +211,6 @@ def _reshaped(term: Term, values: Mapping[str, float], deeper: float, wider: flo
     """Numbers of a dent so many times as deep and as wide, of another form."""
     depth, _, width, form = (p.name for p in term.parameters)
     return {depth: deeper * values[depth], width: wider * values[width], form: bulge}
-
-
-def _better(fit: Fit, other: Fit | None) -> Fit:
-    return other if other and other.cost < fit.cost else fit
 
 
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:

@@ -29,8 +29,9 @@ from sim.discrepancy.hypotheses.nonparametric import (
     sine,
     torque_over_angle,
 )
-from sim.discrepancy.hypotheses.sensors import HUM_HZ, hum
+from sim.discrepancy.hypotheses.sensors import HUM_HZ, gain, hum
 from sim.mechanisms.catalogue import kind_of
+from sim.mechanisms.traits import LEAST_GAIN
 from sim.torsional.model import Array
 
 LOWEST_HZ, HIGHEST_HZ = 2.0, 120.0  # above, teeth and their aliases
@@ -48,6 +49,8 @@ ELSEWHERE = 0.35  # of the size of a line, at other speeds: a real one has 0.7 a
 LEAST_LEVEL = 0.5  # of white noise under the residual: one that is far below its noise has no line in it
 RIPPLES = 2  # orders proposed of those looked at
 LINES = 2  # frequencies proposed of those looked at
+WINDOWS, SHORTEST = 60, 2  # of a record, in which a factor may differ: parts of it, and the fewest
+USUAL_GAIN = 0.02  # share by which a factor that differs is tried
 LINE_EXCESS = 14.0  # energy of a line over that of its neighbours: once in a hundred records of noise
 
 
@@ -125,6 +128,30 @@ def waves(problem: Problem, fit: Fit) -> list[Term]:
             out += [replace(term, among=among) for term in terms]
             inside[max(at - FINER, 0) : at + FINER + 1] = False
     return out
+
+
+def changed_gain(problem: Problem, fit: Fit) -> list[Term]:
+    """The torque channel read by another factor for the part of the record in which this explains most.
+
+    By the squares that a share of the measured torque takes from the residual between two times, both whitened, of all
+    pairs of times on a grid.
+    """
+    m = problem.measurement
+    n = m.samples
+    measured = problem.white((m.across(m.torque), np.zeros(fit.residual.size - n)))[:n]
+    edges = np.linspace(0, n, WINDOWS + 1).astype(np.int64)
+    both, own = (np.concatenate([[0.0], np.add.reduceat(x, edges[:-1]).cumsum()]) for x in (
+        measured * fit.residual[:n], measured**2
+    ))  # fmt: skip
+    first, last = np.triu_indices(WINDOWS + 1, SHORTEST)
+    inside = last - first < WINDOWS  # all of the record is another torque constant: inertia and friction are off
+    first, last = first[inside], last[inside]
+    gained = (both[last] - both[first]) ** 2 / np.maximum(own[last] - own[first], 1e-300)
+    if not gained.size or gained.max() <= LEAST_GAIN:
+        return []
+    best = int(np.argmax(gained))
+    start_s, end_s = (float(m.time_s[min(edges[k], n - 1)]) for k in (first[best], last[best]))
+    return [gain(USUAL_GAIN, float(m.time_s[-1]), start_s, end_s, gained.size)]
 
 
 def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ, repeats_s: float | None = None) -> float | None:

@@ -39,6 +39,7 @@ CONTRACT = [
     "bearing_defect",
     "structural_resonance",
     "torque_offset",
+    "torque_gain",
     "encoder_error",
     "time_delay",
     "electrical_hum",
@@ -63,6 +64,7 @@ CONTRACT_PARAMETERS = {
     "bearing_defect": "order",
     "torque_offset": "torque_n_m",
     "electrical_hum": "frequency_hz",
+    "torque_gain": "share start_s end_s",
 }
 RATE = 2000.0
 PLAIN = axis()

@@ -268,7 +268,7 @@ def test_what_is_looked_for_in_a_way_of_its_own_is_looked_for() -> None:
     axes = (GEARED, RATIO_ALONE)
     written = {term.mechanism for axis in axes for term in all_terms_of(axis, PROBLEM.measurement, chain)}
     for kind in mechanisms.MECHANISMS.values():
-        otherwise = kind.traits.dent or kind.heard or kind.checked
+        otherwise = kind.traits.dent or kind.traits.once or kind.heard or kind.checked
         assert not kind.own_hypothesis or otherwise or kind.name in written, (
             f"{kind.name}: no term, leave own_hypothesis out"
         )
