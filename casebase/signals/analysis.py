@@ -125,7 +125,7 @@ class Analysis:
     def calmed(self, power: NDArray[np.float32], rate_hz: float) -> NDArray[np.float32]:
         """Return the squared envelope of shape (n,) at any rate [Hz], at standstill at most its own median there."""
         step = rate_hz / HOP_HZ
-        still = [slice(round(a * step), round(b * step)) for a, b in runs_of(~self._moves(self._kept.size))]
+        still = [slice(round(a * step), round(b * step)) for a, b in runs_of(~self.moves(self._kept.size))]
         if not still:
             return power
         calm, usual = power.copy(), np.median(np.concatenate([power[each] for each in still]))
@@ -135,7 +135,7 @@ class Analysis:
 
     @cached_property
     def _counts(self) -> NDArray[np.bool_]:
-        counts = self._kept & self._moves(self._kept.size)
+        counts = self._kept & self.moves(self._kept.size)
         return counts if counts.any() else self._kept
 
     @property
@@ -238,7 +238,7 @@ class Analysis:
         heights = [10 * math.log10(float(cycle.max()) / float(np.median(cycle))) for cycle in cycles]
         return float(np.median(heights)) - noise_peak_db(1, self.freedom(band), positions)
 
-    def _moves(self, size: int) -> NDArray[np.bool_]:
+    def moves(self, size: int) -> NDArray[np.bool_]:
         """Return where the axis moves, `HOP_HZ` values per second, shape (size,): at standstill no tooth strikes."""
         moves = np.ones(size, dtype=np.bool_)
         start, end = self.motion.quiet_s
@@ -270,7 +270,7 @@ class Analysis:
             return np.empty(0), np.empty(0)
         trace = np.where(np.isfinite(trace), trace, np.nanmedian(trace))
         apart = int(IMPULSES_APART_S * HOP_HZ)
-        trace = np.where(self._moves(trace.size), trace, np.minimum(trace, np.median(trace)))
+        trace = np.where(self.moves(trace.size), trace, np.minimum(trace, np.median(trace)))
         places, heights = envelope.impulses(trace, self.noise_peak_db(band), apart)
         return (places.astype(np.float64) + 0.5) / HOP_HZ, heights
 

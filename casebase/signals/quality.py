@@ -101,11 +101,10 @@ def clipped(analysis: Analysis) -> QualityFlag | None:
 
     The top of a slow sine is flat, too, but not entered by a step; of a sound of only some steps all is flat.
     """
-    samples = analysis.recording.samples
-    count = sum(_flat_tops(samples, extreme) for extreme in (samples.max(), samples.min()))
-    if count == 0 or _steps(analysis) < FEWEST_STEPS:
+    count = cut_samples(analysis.recording)
+    if count == 0 or steps(analysis) < FEWEST_STEPS:
         return None
-    share = count / samples.size
+    share = count / analysis.recording.samples.size
     severity = Severity.UNUSABLE if share > 0.1 else Severity.NOTE
     return QualityFlag(
         "clipped",
@@ -113,6 +112,12 @@ def clipped(analysis: Analysis) -> QualityFlag | None:
         f"{count} samples ({100 * share:.2g} %) stand at the limit of the recorder; lower the gain, for clipping "
         "makes impulses smaller and new ones",
     )
+
+
+def cut_samples(recording: Recording) -> int:
+    """Return how many samples stand at a limit of the recorder."""
+    samples = recording.samples
+    return sum(_flat_tops(samples, extreme) for extreme in (samples.max(), samples.min()))
 
 
 def _flat_tops(samples: NDArray[np.float32], extreme: np.float32) -> int:
@@ -128,9 +133,7 @@ def _flat_tops(samples: NDArray[np.float32], extreme: np.float32) -> int:
 def dropouts(analysis: Analysis) -> QualityFlag | None:
     """Flag stretches of at least 5 ms in which the samples do not change at all; at the ends they are silence."""
     recording = analysis.recording
-    starts, ends = constant_stretches(recording)
-    inside = (starts > 1) & (ends < recording.samples.size - 1)
-    starts, ends = starts[inside], ends[inside]
+    starts, ends = lost_stretches(recording)
     if not starts.size:
         return None
     lost_s = float((ends - starts).sum()) / recording.sample_rate_hz
@@ -152,6 +155,13 @@ def constant_stretches(recording: Recording) -> tuple[NDArray[np.intp], NDArray[
     return starts[long], ends[long] + 1
 
 
+def lost_stretches(recording: Recording) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return those stretches that lie inside the recording, shape (k,) each: at its ends they are silence."""
+    starts, ends = constant_stretches(recording)
+    inside = (starts > 1) & (ends < recording.samples.size - 1)
+    return starts[inside], ends[inside]
+
+
 def dc_offset(analysis: Analysis) -> QualityFlag | None:
     """Flag a mean above a tenth of the effective value of the rest."""
     mean = float(analysis.recording.samples.mean())
@@ -168,20 +178,20 @@ def dc_offset(analysis: Analysis) -> QualityFlag | None:
 
 def too_quiet(analysis: Analysis) -> QualityFlag | None:
     """Flag a level of only some steps of the recorder's quantisation."""
-    steps = _steps(analysis)
-    if steps == 0:
+    size = steps(analysis)
+    if size == 0:
         return QualityFlag("too_quiet", Severity.UNUSABLE, "the recording is silent; check the microphone")
-    if steps >= FEWEST_STEPS:
+    if size >= FEWEST_STEPS:
         return None
     return QualityFlag(
         "too_quiet",
-        Severity.UNUSABLE if steps < 2 else Severity.POOR,
-        f"the effective value is only {steps:.1f} steps of the recorder's resolution, at least {FEWEST_STEPS} are "
+        Severity.UNUSABLE if size < 2 else Severity.POOR,
+        f"the effective value is only {size:.1f} steps of the recorder's resolution, at least {FEWEST_STEPS} are "
         "needed; raise the gain or go nearer",
     )
 
 
-def _steps(analysis: Analysis) -> float:
+def steps(analysis: Analysis) -> float:
     """Return the effective value over the recorder's resolution, the smallest difference of two samples [1]."""
     differences = np.abs(np.diff(analysis.recording.samples))
     differences = differences[differences > 0]

@@ -51,7 +51,6 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import calibrate, final_fit
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.extended_axis import extended_axis
-from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.kinematics.encoders_alone import NEXT, encoders_alone
 from sim.discrepancy.model.one_body import as_described, at_the_motor, has_ratios_alone, is_one_body
 from sim.discrepancy.next_measurement.advice import in_words, simulated_advice
@@ -61,7 +60,6 @@ from sim.discrepancy.results import SAID, Finding, Investigation
 from sim.discrepancy.search.own_noise import NAMES
 from sim.discrepancy.search.search import Selection, select
 from sim.discrepancy.unexplained import Unexplained, rounded
-from sim.mechanisms.catalogue import kind_of
 
 VERSION = "1"
 Progress = Callable[[str, float], None]
@@ -140,9 +138,7 @@ def _of_torque(
     rest += [left_of_sound] if left_of_sound else []
     progress("residual", 0.92)
     problem, fit = selection.problem, selection.fit
-    findings = beside_what_is_left(
-        _found(described, gate, selection, heard), rest, doubted=bool(gate.measurement.doubts.size)
-    )
+    findings = beside_what_is_left(_found(gate, selection, heard), rest, doubted=bool(gate.measurement.doubts.size))
     findings, fit = said_alone(selection, findings)
     findings, fit, gained = predicting(selection, fit, findings)
     misfit = excess(problem, fit, gained)
@@ -188,15 +184,14 @@ def _finally_fitted(weighed: Selection) -> tuple[Selection, list[Unexplained], l
     return replace(weighed, problem=problem, base=base, fit=fit), places, rest
 
 
-def _found(axis: Axis, gate: Gate, selection: Selection, heard: Sequence[AcousticFinding]) -> tuple[Finding, ...]:
+def _found(gate: Gate, selection: Selection, heard: Sequence[AcousticFinding]) -> tuple[Finding, ...]:
     """Of the motion, of the channels and of the sound; what is heard of the same cause is no finding of its own."""
     found = selection.found
     named = [term.mechanism for term in found] + [fault.mechanism for fault in gate.faults]
-    struck, loud = _struck(axis, [*found, *heard]), _loud(axis, found)
     return (
         *(finding_of(selection, term) for term in found),
         *(finding_of_fault(fault) for fault in gate.faults),
-        *(finding_of_sound(h) for h in beside(named, heard, selection.problem.guided, struck, loud)),
+        *(finding_of_sound(h) for h in beside(named, heard, selection.problem.guided)),
     )
 
 
@@ -210,18 +205,6 @@ def _verdict(
     if findings or doubted:
         rest = rest or places[:1]
     return "unnamed" if rest else "nothing_missing", rest
-
-
-def _struck(axis: Axis, found: Sequence[Term | AcousticFinding]) -> list[float]:
-    """Turns per turn of the motor of gears with a damaged tooth."""
-    return [axis.ratio_from(t.location) / axis.ratio for t in found if kind_of(t.mechanism).traits.dent and t.location]
-
-
-def _loud(axis: Axis, found: Sequence[Term]) -> list[float]:
-    """Teeth per turn of the motor of gears whose teeth err."""
-    teeth = {stage.name: stage.driven_teeth or 0 for stage in axis.stages}
-    erring = [t.location for t in found if kind_of(t.mechanism).signature.order == "mesh" and t.location in teeth]
-    return [teeth[place] * axis.ratio_from(place) / axis.ratio for place in erring]
 
 
 def _first_noise(gate: Gate) -> Noise:

@@ -18,24 +18,22 @@ from scipy.ndimage import median_filter
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from sim.description.axis import Axis
-from sim.discrepancy.acoustic.evidence import AcousticFinding, log_ratio, probability
-from sim.discrepancy.acoustic.impacts import NO_STANDSTILL, Tail
-from sim.discrepancy.acoustic.levels import CELL, HIGHEST_HZ, LEAST_AT_REST, LEAST_SEGMENTS, SEGMENT, cells
+from sim.discrepancy.acoustic.evidence import AcousticFinding, Tail, log_ratio, probability
+from sim.discrepancy.acoustic.impacts import NO_STANDSTILL
+from sim.discrepancy.acoustic.levels import BAND_HZ, CELL, LEAST_AT_REST, LEAST_SEGMENTS, SEGMENT, cells
 from sim.discrepancy.acoustic.operating_states import Course, Cruise, Mask
-from sim.discrepancy.acoustic.spectral_lines import TRANSFORM, gamma_limit, mesh_orders, over_surroundings
+from sim.discrepancy.acoustic.spectral_lines import MULTIPLES, TRANSFORM, gamma_limit, mesh_orders, over_surroundings
 from sim.mechanisms import MeshError, StructuralResonance
 from sim.torsional.model import Array
 
 NO_AS_NEW = "no recording from when the axis was new was given to compare with"
 SAME_SPEED = 0.15  # relative: at another speed teeth excite the housing at other frequencies
 AROUND_HZ = 64.0  # wider than what an uneven speed smears a strong line over
-MULTIPLES = (1, 2, 3)
 RUNG = 0.1  # relative: so near a pitch that rings its sound lifts lines
 BESIDE_HZ = 1.5  # of a line: how far the speed of one cruise may be off
 BASE = 141  # cells: an octave each way, over which loudness differs by itself
 PEAK_DB = 3.0
-PITCH_CELLS = 1.5  # what nine in ten simulated pitches are found within
-LINE_CELLS = 1.5  # half of what a line of teeth covers
+CELLS = 1.5  # half of what a line of teeth covers, and what nine in ten simulated pitches are found within
 LEAST_OPEN = 0.15  # of the cells
 AT_REST_DB = 4.0  # what is hardly louder while moving is none of the axis
 ALIKE = 0.7  # correlation; simulated recordings of one gearbox in good order have 0.88 and more
@@ -67,23 +65,19 @@ class Grown:
 
 def hindrance_of_teeth(axis: Axis, course: Course, as_new: Sequence[Course]) -> str | None:
     """Why errors of teeth cannot be compared; None where they can, with one recording as new at least."""
-    if not as_new:
-        return NO_AS_NEW
-    if not mesh_orders(axis):
+    if as_new and not mesh_orders(axis):
         return "the description gives no tooth numbers"
-    return _least([_hindrance_of_lines(course, one) for one in _akin(course, as_new)])
+    return _all_of([_hindrance_of_lines(course, one) for one in as_new])
 
 
 def hindrance_of_ringing(course: Course, as_new: Sequence[Course]) -> str | None:
     """Why resonances cannot be compared; None where they can, with one recording as new at least."""
-    if not as_new:
-        return NO_AS_NEW
-    return _least([_hindrance_of_pitches(course, one) for one in _akin(course, as_new)])
+    return _all_of([_hindrance_of_pitches(course, one) for one in as_new])
 
 
 def grown(axis: Axis, courses: Sequence[Course], as_new: Sequence[Course]) -> Grown:
     """Errors of teeth and resonances that recordings show more of than those as new."""
-    both = [_growths(axis, course, _akin(course, as_new)) for course in courses]
+    both = [_growths(axis, course, as_new) for course in courses]
     teeth, ringing = [one for one, _ in both], [one for _, one in both]
     known = [one for one in teeth if one is not None]
     quiet = bool(known) and all(one.height_db < TEETH_TAIL.start for one in known)
@@ -91,28 +85,16 @@ def grown(axis: Axis, courses: Sequence[Course], as_new: Sequence[Course]) -> Gr
     return Grown((*_mesh_error(axis, teeth), *_resonance(ringing, told)), quiet)
 
 
-def _akin(course: Course, as_new: Sequence[Course]) -> list[Course]:
-    """Recordings as new that have much in common with a recording; all where none has, or where that is not known."""
-    akin = [one for one in as_new if _hindrance_of_pitches(course, one) or _likeness(course, one) >= ALIKE]
-    return akin or list(as_new)
-
-
 def strangers_as_new(courses: Sequence[Course], as_new: Sequence[Course], names: Sequence[str]) -> tuple[str, ...]:
     """A remark where a recording has so little in common with those as new that they may be of another gearbox."""
     out = []
     for name, course in zip(names, courses, strict=True):
         likeness = [_likeness(course, one) for one in as_new if _hindrance_of_pitches(course, one) is None]
-        spectrum = f"The spectrum{'' if len(names) == 1 else f' of {name}'}"
         if likeness and max(likeness) < ALIKE:
             out.append(
-                f"{spectrum} has little in common with that as new (correlation {max(likeness):.2f}): either something "
-                "very loud has come in, or it is another gearbox, housing or place of the microphone, and then the "
-                "comparison says nothing."
-            )
-        elif left := len(as_new) - len(_akin(course, as_new)):
-            out.append(
-                f"{spectrum} has little in common with {left} of {len(as_new)} recordings as new, which were left out: "
-                "are they of another gearbox, housing or place of the microphone?"
+                f"The spectrum{'' if len(names) == 1 else f' of {name}'} has little in common with that as new "
+                f"(correlation {max(likeness):.2f}): either something very loud has come in, or it is another gearbox, "
+                "housing or place of the microphone, and then the comparison says nothing."
             )
     return tuple(out)
 
@@ -122,31 +104,41 @@ def growth_curves(course: Course, as_new: Sequence[Course]) -> tuple[Array, tupl
 
     Over the first recording as new that can be compared, without lines of teeth, as in the search.
     """
-    first = next((one for one in _akin(course, as_new) if not _hindrance_of_pitches(course, one)), None)
+    first = next((one for one in as_new if not _hindrance_of_pitches(course, one)), None)
     if first is None:
         return cells(), ()
-    words = {"cruising": "while cruising", "speeding": "while the speed changes"}
     of_teeth = _of_teeth((course, first))
-    curves = [(words[kind], np.where(of_teeth, np.nan, over)) for kind, over in _over_as_new(course, first).items()]
-    return cells(), tuple(curves)
+    return cells(), tuple(
+        (kind, np.where(of_teeth, np.nan, over)) for kind, over in _over_as_new(course, first).items()
+    )
 
 
-def _least(hindrances: Sequence[str | None]) -> str | None:
+def _all_of(hindrances: Sequence[str | None]) -> str | None:
     """None where one comparison is not hindered, else all reasons."""
     told = [one for one in hindrances if one is not None]
-    return ", or ".join(dict.fromkeys(told)) if len(told) == len(hindrances) else None
+    return (", or ".join(dict.fromkeys(told)) or NO_AS_NEW) if len(told) == len(hindrances) else None
 
 
 def _heard_cruises(course: Course) -> list[Cruise]:
     return [c for c in course.cruises if c.heard and c.turns_per_s]
 
 
+def _speed(cruise: Cruise) -> float:
+    return cruise.turns_per_s or 0.0
+
+
+def _matched(course: Course, other: Course) -> list[Cruise]:
+    """Cruises at a speed that the other recording has as well."""
+    speeds = np.array([_speed(c) for c in _heard_cruises(other)])
+    return [c for c in _heard_cruises(course) if (np.abs(speeds / _speed(c) - 1.0) <= SAME_SPEED).any()]
+
+
 def _hindrance_of_lines(course: Course, as_new: Course) -> str | None:
-    own, before = ([c.turns_per_s or 0.0 for c in _heard_cruises(one)] for one in (course, as_new))
+    own, before = ([_speed(c) for c in _heard_cruises(one)] for one in (course, as_new))
     for speeds, where in ((own, ""), (before, " as new")):
         if not speeds:
             return f"no tooth of this axis is heard as a line{where}, so that the speed is unknown"
-    if any(_alike(v, w) for v in own for w in before):
+    if _matched(course, as_new):
         return None
     return (
         f"the motor turned {np.median(own):.3g} times per second, and as new {np.median(before):.3g}: record the same "
@@ -158,7 +150,7 @@ def _hindrance_of_pitches(course: Course, as_new: Course) -> str | None:
     for one, where in ((course, ""), (as_new, "as new ")):
         if one.moving is None:
             return f"{where}{NO_STANDSTILL}"
-        if one.analysis.highest_hz < HIGHEST_HZ:
+        if one.analysis.highest_hz < BAND_HZ[1]:
             return f"{where}the sample rate of {one.analysis.recording.sample_rate_hz:.0f} Hz is too low"
         if one.levels.speeding is None:
             least = LEAST_SEGMENTS * SEGMENT / ANALYSIS_RATE_HZ
@@ -176,9 +168,8 @@ def _growths(axis: Axis, course: Course, as_new: Sequence[Course]) -> tuple[Grow
 
     Over the recording as new that shows the least growth.
     """
-    meshes = mesh_orders(axis)
-    compared = [one for one in as_new if _hindrance_of_lines(course, one) is None] if meshes else []
-    teeth = _smallest(lambda one: _teeth_of(axis, course, one, None), compared)
+    compared = [one for one in as_new if mesh_orders(axis) and _hindrance_of_lines(course, one) is None]
+    teeth = _smallest(lambda one: _teeth_of(axis, course, one, math.nan), compared)
     audible = [one for one in as_new if _hindrance_of_pitches(course, one) is None]
     ringing = _smallest(lambda one: _ringing_of(course, one), audible)
     if teeth is not None and ringing is not None:
@@ -237,75 +228,40 @@ def _resonance(found: Sequence[Growth | None], speed_told: bool) -> list[Acousti
     ]
 
 
-def _teeth_of(axis: Axis, course: Course, as_new: Course, ringing_hz: float | None) -> Growth:
+def _teeth_of(axis: Axis, course: Course, as_new: Course, ringing_hz: float) -> Growth:
     """The stage whose lines have grown most beyond those of the others; lines near `ringing_hz` are left out.
 
     Cruises at like speed are compared, each cut to the same length, as a line stands out more the longer it lasts.
     """
-    growths, lengths = [], []
-    left = sorted(_heard_cruises(course), key=_speed)
-    while left:
-        now = [c for c in left if _alike(_speed(left[0]), _speed(c))]
-        left = left[len(now) :]
-        then = [c for c in _heard_cruises(as_new) if _alike(float(np.median([_speed(c) for c in now])), _speed(c))]
-        if then:
-            length = float(min(np.median([c.length_s for c in group]) for group in (now, then)))
-            growths.append(_line_growth(axis, (course, now), (as_new, then), length, ringing_hz))
-            lengths.append(sum(c.length_s for c in now))
-    if not growths:
-        return Growth(0.0, 0.0)
-    rise = np.average(growths, axis=0, weights=lengths)
-    names = [stage.name for stage in axis.stages if stage.driver_teeth is not None]
-    place = int(np.argmax(rise))
-    others = np.delete(rise, place)
-    height = float(rise[place])
-    return Growth(height - max(0.0, float(others.max(initial=0.0))), height, names[place])
-
-
-def _speed(cruise: Cruise) -> float:
-    return cruise.turns_per_s or 0.0
-
-
-def _alike(speed: float, other: float) -> bool:
-    return abs(other / speed - 1.0) <= SAME_SPEED
-
-
-def _line_growth(
-    axis: Axis,
-    now: tuple[Course, Sequence[Cruise]],
-    then: tuple[Course, Sequence[Cruise]],
-    length_s: float,
-    ringing_hz: float | None,
-) -> Array:
-    """How much each stage's lines have grown over the sound around them [dB], shape (stages,)."""
+    groups = ((course, _matched(course, as_new)), (as_new, _matched(as_new, course)))
+    length_s = float(min(np.median([c.length_s for c in cruises]) for _, cruises in groups))
+    both = [_rows(one, cruises, length_s) for one, cruises in groups]
     spacing = ANALYSIS_RATE_HZ / TRANSFORM
-    highest = min(HIGHEST_HZ, now[0].analysis.highest_hz, then[0].analysis.highest_hz)
-    both = [_rows(course, cruises, length_s) for course, cruises in (now, then)]
+    highest = min(BAND_HZ[1], course.analysis.highest_hz, as_new.analysis.highest_hz)
     floor = gamma_limit(min(len(rows) for rows in both), 2.0 * BESIDE_HZ / spacing)
-    out = []
+    rise = []
     for order in mesh_orders(axis):
-        total = np.zeros(2)
+        total = np.full(2, 1e-300)
         for k in MULTIPLES:
-            lines = [k * order * turns for rows in both for turns, _ in rows]
-            near = ringing_hz is not None and any(abs(line / ringing_hz - 1.0) < RUNG for line in lines)
-            if near or max(lines) >= highest:
+            lines = np.array([k * order * turns for rows in both for turns, _ in rows])
+            if (np.abs(lines / ringing_hz - 1.0) < RUNG).any() or lines.max() >= highest:
                 continue
             for side, rows in enumerate(both):
                 heights = [_at(row, k * order * turns / spacing, BESIDE_HZ / spacing) for turns, row in rows]
                 total[side] += max(float(np.mean(heights)), floor)
-        out.append(10.0 * math.log10(total[0] / total[1]) if total[1] > 0.0 else 0.0)
-    return np.array(out)
+        rise.append(10.0 * math.log10(total[0] / total[1]))
+    names = [stage.name for stage in axis.stages if stage.driver_teeth is not None]
+    place = int(np.argmax(rise))
+    others = float(np.delete(rise, place).max(initial=0.0))
+    return Growth(rise[place] - others, rise[place], names[place])
 
 
 def _rows(course: Course, cruises: Sequence[Cruise], length_s: float) -> list[tuple[float, Array]]:
     """Speed of the motor [1/s] and spectrum over its surroundings (m,) of all cruises that last so long, cut to it."""
-    out = []
-    for c in cruises:
-        if c.length_s >= length_s * (1.0 - 1e-9):
-            first = round(c.start_s * ANALYSIS_RATE_HZ)
-            part = course.analysis.samples[first : first + round(length_s * ANALYSIS_RATE_HZ)].astype(np.float64)
-            out.append((_speed(c), over_surroundings(part, ANALYSIS_RATE_HZ, AROUND_HZ)))
-    return out
+    count = round(length_s * ANALYSIS_RATE_HZ)
+    long = [c for c in cruises if c.length_s >= length_s * (1.0 - 1e-9)]
+    cut = [(_speed(c), c.cut(course.analysis.samples)[:count]) for c in long]
+    return [(turns, over_surroundings(part, ANALYSIS_RATE_HZ, AROUND_HZ)) for turns, part in cut]
 
 
 def _at(row: Array, place: float, within: float) -> float:
@@ -321,15 +277,11 @@ def _ringing_of(course: Course, as_new: Course) -> Growth:
     down = np.where(of_teeth, -np.inf, -over.max(axis=0))
     peak = int(np.argmax(up))
     height = float(up[peak])
-    first, last = peak, peak
-    while first > 0 and up[first - 1] > height - PEAK_DB:
-        first -= 1
-    while last < up.size - 1 and up[last + 1] > height - PEAK_DB:
-        last += 1
-    near = slice(first, last + 1)
+    low = np.flatnonzero(up <= height - PEAK_DB)
+    near = slice(low[low < peak].max(initial=-1) + 1, low[low > peak].min(initial=up.size))
     weight = 10.0 ** (up[near] / 10.0)
     frequency = float((weight * centres[near]).sum() / weight.sum())
-    half = max(0.5 * ANALYSIS_RATE_HZ / SEGMENT, PITCH_CELLS * CELL * frequency)
+    half = max(0.5 * ANALYSIS_RATE_HZ / SEGMENT, CELLS * CELL * frequency)
     apart = np.abs(np.arange(centres.size) - peak)
     other = float(down[apart > BASE // 2].max(initial=0.0))  # beside its peak a mode cancels others
     return Growth(height - other, height, None, frequency, half)
@@ -338,12 +290,11 @@ def _ringing_of(course: Course, as_new: Course) -> Growth:
 def _over_as_new(course: Course, as_new: Course) -> dict[str, Array]:
     """How much louder than as new each pitch is, over its surroundings [dB], while cruising and at changing speed."""
     now, then = course.levels, as_new.levels
-    pairs = {"cruising": (now.cruising, then.cruising), "speeding": (now.speeding, then.speeding)}
-    return {
-        kind: _over_base(own - before)
-        for kind, (own, before) in pairs.items()
-        if own is not None and before is not None
+    pairs = {
+        "while cruising": (now.cruising, then.cruising),
+        "while the speed changes": (now.speeding, then.speeding),
     }
+    return {kind: _over_base(a - b) for kind, (a, b) in pairs.items() if a is not None and b is not None}
 
 
 def _searched(course: Course, as_new: Course) -> Mask:
@@ -355,11 +306,9 @@ def _searched(course: Course, as_new: Course) -> Mask:
 
 def _of_teeth(courses: Sequence[Course]) -> Mask:
     """Which cells hold lines of teeth at a speed that is heard: a speed that changes moves them."""
-    speeds = {round(_speed(c), 3) for course in courses for c in _heard_cruises(course)}
-    lines = np.array([k * order * turns for turns in speeds for order in courses[0].mesh_orders for k in MULTIPLES])
-    if not lines.size:
-        return np.zeros(cells().size, dtype=np.bool_)
-    within = LINE_CELLS * CELL * lines + ANALYSIS_RATE_HZ / SEGMENT
+    speeds = np.unique([round(_speed(c), 3) for course in courses for c in _heard_cruises(course)])
+    lines = (np.outer(MULTIPLES, courses[0].mesh_orders)[:, :, None] * speeds).ravel()
+    within = CELLS * CELL * lines + ANALYSIS_RATE_HZ / SEGMENT
     return np.asarray((np.abs(cells()[:, None] - lines) < within).any(axis=1))
 
 

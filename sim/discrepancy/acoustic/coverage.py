@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from casebase.signals.recording import Recording
 from sim.description.axis import Axis
 from sim.discrepancy.acoustic.baseline_comparison import hindrance_of_ringing, hindrance_of_teeth
-from sim.discrepancy.acoustic.faults import hindrance_of_play, hindrance_of_tooth
+from sim.discrepancy.acoustic.bearing import bearing_hindrance
+from sim.discrepancy.acoustic.impacts import tooth_hindrance
 from sim.discrepancy.acoustic.operating_states import Course
-from sim.discrepancy.acoustic.order_spectrum import bearing_hindrance
 from sim.discrepancy.acoustic.recording_quality import recording_hindrances
 from sim.mechanisms import (
     MECHANISMS,
@@ -63,9 +60,9 @@ class Reach:
         return f"Examined: {examined or 'nothing'}. Not examined: {'; '.join(parts)}."
 
 
-def reach(axis: Axis, sounds: Sequence[Recording], courses: Sequence[Course], as_new: Sequence[Course] = ()) -> Reach:
+def reach(axis: Axis, courses: Sequence[Course], as_new: Sequence[Course] = ()) -> Reach:
     """What all recordings together let be looked for, with those from when the axis was new."""
-    each = [_hindrances(axis, sound, course, as_new) for sound, course in zip(sounds, courses, strict=True)]
+    each = [_hindrances(axis, course, as_new) for course in courses]
     examined, partly, not_examined = [], {}, {}
     for name in WORDS:
         reasons = [hindrances[name] for hindrances in each if name in hindrances]
@@ -79,14 +76,14 @@ def reach(axis: Axis, sounds: Sequence[Recording], courses: Sequence[Course], as
     return Reach(tuple(examined), {**not_examined, **rest}, partly, len(each))
 
 
-def _hindrances(axis: Axis, sound: Recording, course: Course, as_new: Sequence[Course]) -> dict[str, str]:
-    values = np.asarray(sound.samples, dtype=np.float64)
+def _hindrances(axis: Axis, course: Course, as_new: Sequence[Course]) -> dict[str, str]:
+    of_gear = tooth_hindrance(course) if axis.stages else NO_GEAR
     of_machine = {
-        ToothDamage.name: hindrance_of_tooth(course) if axis.stages else NO_GEAR,
-        Backlash.name: hindrance_of_play(course) if axis.stages else NO_GEAR,
+        ToothDamage.name: of_gear,
+        Backlash.name: of_gear,
         BearingDefect.name: bearing_hindrance(axis, course),
         MeshError.name: hindrance_of_teeth(axis, course, as_new) if axis.stages else NO_GEAR,
         StructuralResonance.name: hindrance_of_ringing(course, as_new),
     }
     told = {name: reason for name, reason in of_machine.items() if reason is not None}
-    return {**recording_hindrances(values, sound.sample_rate_hz), **told}
+    return {**recording_hindrances(course), **told}

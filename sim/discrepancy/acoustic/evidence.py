@@ -18,6 +18,19 @@ SILENT = 0.4
 
 
 @dataclass(frozen=True)
+class Tail:
+    """How often good gearboxes reach a score: `share` of them exceed `start`, fewer by e per `scale` beyond."""
+
+    start: float
+    share: float
+    scale: float
+
+    def p_value(self, score: float) -> float:
+        """Chance that a gearbox in good order scores as high; 1 below the tail."""
+        return self.share * math.exp(-(score - self.start) / self.scale) if score > self.start else 1.0
+
+
+@dataclass(frozen=True)
 class AcousticFinding:
     """A finding from sound; `parameters`: name to value, low, high.
 
@@ -86,10 +99,3 @@ class Listening:
     names: tuple[str, ...]
     as_new: tuple[Course, ...] = ()
     left: Unexplained | None = None
-
-    @property
-    def shown(self) -> int:
-        """The recording with the strongest evidence of the first finding; 0 where nothing of the machine is heard."""
-        p_values = self.heard[0].p_values if self.heard else ()
-        known = [(p, index) for index, p in enumerate(p_values) if p is not None]
-        return min(known)[1] if known else 0

@@ -1,235 +1,74 @@
-"""Lines that follow the speed while cruising: teeth have known orders; a family at none of them is a rolling bearing.
+"""Power of the sound's envelope over the path of the motor, by orders: what strikes so many times per turn.
 
-A damaged bearing hits at an order that is no whole number of any shaft, since its balls roll and slip, with many
-multiples of like strength (McFadden and Smith, J. Sound Vib. 96 (1984) 69). They stand in the spectrum of the sound,
-or in that of its envelope where a mode of the housing carries them.
+The envelope of each band is taken over the path, measured or known from lines of teeth while cruising, and its power
+averaged over pieces of the path (Welch 1967).
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import binom
+from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.signal import welch
+from scipy.special import gammaincinv
 
-from casebase.signals.analysis import ANALYSIS_RATE_HZ
-from sim.description.axis import Axis
-from sim.discrepancy.acoustic.impacts import NO_STANDSTILL
-from sim.discrepancy.acoustic.operating_states import LEAST_CRUISES, Course, Mask
-from sim.discrepancy.acoustic.spectral_lines import TRANSFORM, gamma_limit, mesh_orders
+from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
+from casebase.signals.band import Band
 from sim.torsional.model import Array
 
-BANDS_HZ = ((150.0, 800.0), (800.0, 2000.0), (2000.0, 3700.0))
-STEP = 0.004  # orders per revolution of the motor
-HIGHEST_ORDER = 90.0
-LOWEST_ORDER, HIGHEST_BASE = 1.2, 30.0
-MULTIPLES = 8
-LEAST_MULTIPLES = 5
-LEAST_KNOWN = 2
-MAJORITY_OF = 12
-LEAST_FREE = 3
-LARGEST_POWER = 100.0  # of one cruise: none alone makes a line of the mean
-SLIP = 0.001  # relative: rolling elements slip, and what they hit comes early or late
-FITTED = 0.15  # of the resolution: how well the highest multiple is placed
-GEAR_WITHIN = 0.0005  # relative: what a speed from lines of teeth is known within
-SHORT = 0.5  # of the turns of the longest cruise but one
+BANDS = (Band.MIDDLE, Band.HIGH)
+PER_TURN = 128  # samples of the envelope per turn of the motor
+PIECE_TURNS = 64.0
+LEAST_TURNS = 8.0
+LEVEL_S = 0.25  # over which the envelope is taken relative to its mean
+PEAK = 12.0  # times the mean, to which the envelope is cut: one knock is no rhythm
+FLOOR_BINS = 201
 
 
-@dataclass(frozen=True)
-class Family:
-    """A base order with multiples: order and half of its 90 % interval, how many multiples, chance for noise."""
+@dataclass(frozen=True, eq=False)
+class OrderSpectra:
+    """Mean power of `averages` pieces, 1 for noise, in all bands: (bands, m), at `orders` (m,) per turn of the motor.
 
-    order: float
-    half: float
-    count: int
-    p_value: float
-
-
-def bearing_hindrance(axis: Axis, course: Course) -> str | None:
-    """Why a bearing cannot be looked for; None where it can."""
-    if axis.stages and not mesh_orders(axis):
-        return "the description gives no tooth numbers, which separate teeth from bearings"
-    if course.analysis.highest_hz < BANDS_HZ[0][1]:
-        return f"the sample rate of {course.analysis.recording.sample_rate_hz:.0f} Hz is too low"
-    if not course.analysis.motion.reversal_times_s:
-        return NO_STANDSTILL
-    if len(course.cruises) < LEAST_CRUISES:
-        return f"{LEAST_CRUISES} strokes at constant speed are needed and {len(course.cruises)} heard"
-    if course.speed is None:
-        return "no tooth of this axis is heard as a line, so that the speed is unknown"
-    if len(_known(course)) < LEAST_KNOWN:
-        return "the speed is known of one stroke only"
-    return None
-
-
-def _known(course: Course) -> list[int]:
-    """Places of the cruises at known speed, but for short ones, which would blur all."""
-    turned = {k: c.turned for k, c in enumerate(course.cruises) if c.turns_per_s}
-    least = SHORT * (sorted(turned.values())[-LEAST_KNOWN] if len(turned) >= LEAST_KNOWN else 0.0)
-    return [k for k, turns in turned.items() if turns > least]
-
-
-def bearing_family(axis: Axis, course: Course) -> Family | None:
-    """The clearest family of lines that no gear explains; None where there is none or the speed is unknown."""
-    if bearing_hindrance(axis, course):
-        return None
-    known = [(index, course.cruises[index].turns_per_s or 1.0) for index in _known(course)]
-    resolution = 2.0 / min(
-        turns * (course.cruises[index].end_s - course.cruises[index].start_s) for index, turns in known
-    )
-    grid: Array = np.arange(0.5, HIGHEST_ORDER, STEP, dtype=np.float64)
-    kinds = [[on_orders(grid, course.spectra[index], turns) for index, turns in known]]
-    for band in bands_of(course):
-        kinds.append([on_orders(grid, course.envelope(index, band), turns) for index, turns in known])
-    powers = [np.asarray(np.minimum(kind, LARGEST_POWER).mean(axis=0), np.float64) for kind in kinds]
-    best: Family | None = None
-    for power in powers:
-        found = _family(axis, grid, power, len(known), resolution)
-        if found is not None and (best is None or found.p_value < best.p_value):
-            best = found
-    if best is None or _also_teeth(axis, best.order, powers[0], len(known), grid, resolution):
-        return None
-    return best
-
-
-def _also_teeth(axis: Axis, order: float, power: Array, averages: int, grid: Array, resolution: float) -> bool:
-    """Whether the family could be the teeth, at another speed at which the lines taken for teeth are such, too."""
-    lines = _lines(grid, power, averages, resolution)
-    meshes = [k * mesh for mesh in mesh_orders(axis) for k in (1, 2, 3)]
-    teeth = [one for one in lines if any(abs(one - mesh) < 0.5 * resolution for mesh in meshes)]
-    for mesh in mesh_orders(axis):
-        scale = mesh / order
-        others = [one * scale / m for one in teeth for m in mesh_orders(axis)]
-        whole = [abs(one - round(one)) < FITTED * resolution * scale and round(one) >= 1 for one in others]
-        explained = [any(whole[i : i + len(mesh_orders(axis))]) for i in range(0, len(whole), len(mesh_orders(axis)))]
-        if all(explained):
-            return True
-    return False
-
-
-def bands_of(course: Course) -> list[tuple[float, float]]:
-    """Bands [Hz] that a recording holds whole."""
-    return [band for band in BANDS_HZ if band[1] <= course.analysis.highest_hz]
-
-
-def on_orders(grid: Array, spectrum: Array, turns_per_s: float) -> Array:
-    """Power at orders; 1, the mean of noise, where the recording does not reach."""
-    place = grid * turns_per_s * TRANSFORM / ANALYSIS_RATE_HZ
-    return np.asarray(np.interp(place, np.arange(spectrum.size), spectrum, right=1.0))
-
-
-def _family(axis: Axis, grid: Array, power: Array, averages: int, resolution: float) -> Family | None:
-    lines = _lines(grid, power, averages, resolution)
-    free = np.array([order for order in lines if not of_gears(axis, order, 0.25 * resolution)])
-    if free.size < LEAST_FREE or len(lines) < LEAST_MULTIPLES:
-        return None
-    best: Family | None = None
-    for line in free[:24]:
-        for k in (1, 2, 3):
-            if LOWEST_ORDER < line / k < HIGHEST_BASE:
-                found = _matched(axis, float(line / k), np.array(lines), free, resolution)
-                if found is not None and (best is None or (found.p_value, found.order) < (best.p_value, best.order)):
-                    best = found
-    return best
-
-
-def _lines(grid: Array, power: Array, averages: int, resolution: float) -> list[float]:
-    """Orders of lines that noise does not make, strongest first."""
-    limit = gamma_limit(averages, (grid[-1] - grid[0]) / resolution)
-    peaks = np.flatnonzero((power[1:-1] > limit) & (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])) + 1
-    kept: list[float] = []
-    for k in peaks[np.argsort(-power[peaks], kind="stable")]:
-        order = float(grid[k])
-        if all(abs(order - other) > 2.0 * resolution for other in kept):
-            kept.append(order)
-    return kept[:80]
-
-
-def _matched(axis: Axis, base: float, lines: Array, free: Array, resolution: float) -> Family | None:
-    """Fit the base order to the lines on its multiples, and count them against chance.
-
-    Some of them may coincide with those of gears, but neither the base nor most of them; and most of what no gear
-    explains must belong to the family: lines all over come from something fixed in hertz that modulates the sound.
+    `along`: over the path; `fixed`: over time, at orders of the usual speed, where what is fixed in hertz is a line.
     """
-    tolerance = 0.5 * resolution
-    top = int(min(MULTIPLES, HIGHEST_ORDER / base))
-    order, numbers = base, np.zeros(0)
-    for _ in range(2):
-        hit = _on_multiples(lines, order, tolerance, top)
-        if not hit.any():
-            return None
-        number = np.rint(lines[hit] / order)
-        number /= np.gcd.reduce(number.astype(np.int64))  # every second multiple of a base is a base of its own
-        numbers = np.unique(number)
-        order = float((lines[hit] * number).sum() / (number**2).sum())
-    if numbers.size < LEAST_MULTIPLES or numbers[0] > 2:
+
+    orders: Array
+    along: Array
+    fixed: Array
+    averages: int
+
+    @property
+    def step(self) -> float:
+        """Distance of two orders."""
+        return float(self.orders[1])
+
+
+def order_spectra(analysis: Analysis, turns_per_s: Array) -> OrderSpectra | None:
+    """Spectra of a recording from the speeds (n,) at its samples; None where the motor turns too little."""
+    path = np.cumsum(turns_per_s) / ANALYSIS_RATE_HZ
+    envelopes = [whole for band in BANDS if (whole := analysis.envelope(band)) is not None]
+    if path[-1] < LEAST_TURNS or not envelopes:
         return None
-    if _gear_family(axis, order, FITTED * resolution / numbers[-1], lines, resolution):
-        return None
-    strongest = free[:MAJORITY_OF]
-    own = _on_multiples(strongest, order, tolerance, int(HIGHEST_ORDER / order))
-    if own.mean() < 0.5 or own.sum() < LEAST_FREE:
-        return None
-    width = 2.0 * (tolerance + 0.5 * SLIP * HIGHEST_ORDER)
-    chance = min(width * lines.size / HIGHEST_ORDER, 0.9)
-    p = min(1.0, 3.0 * lines.size * float(binom.sf(numbers.size - 2, max(top - 1, 1), chance)))
-    half = 1.645 * 0.3 * resolution / math.sqrt(float((numbers**2).sum()))
-    return Family(order, max(half, 1.5 * SLIP * order), int(numbers.size), p)
+    usual = float(np.median(turns_per_s[turns_per_s > 0.8 * turns_per_s.max()]))
+    size = int(min(PIECE_TURNS, 0.5 * path[-1]) * PER_TURN)
+    averages = max(1, 2 * int(path[-1] * PER_TURN) // size - 1)
+    along, fixed = [], []
+    for whole in envelopes:
+        envelope = np.sqrt(whole.inside().astype(np.float64))
+        level = uniform_filter1d(envelope, round(LEVEL_S * whole.rate_hz))
+        envelope = np.minimum(envelope / np.maximum(level, 1e-12) - 1.0, PEAK)
+        time: Array = (np.arange(envelope.size) + 0.5) / whole.rate_hz
+        place = np.interp(time * ANALYSIS_RATE_HZ, np.arange(path.size), path)
+        along.append(_power(place, envelope, size, averages))
+        fixed.append(_power(time * usual, envelope, size, averages))
+    orders: Array = np.arange(size // 2 + 1) * PER_TURN / size
+    return OrderSpectra(orders, np.array(along), np.array(fixed), averages)
 
 
-def _on_multiples(lines: Array, order: float, tolerance: float, top: int) -> Mask:
-    number = np.rint(lines / order)
-    near = np.abs(lines - number * order) < tolerance + SLIP * lines
-    return np.asarray(near & (number >= 1.0) & (number <= top))
-
-
-def of_gears(axis: Axis, order: float, tolerance: float) -> bool:
-    """Whether a line per revolution of the motor may be of shafts and teeth.
-
-    Those are multiples of shafts, and what meshes make together: i times one plus j times the next, with the sidebands
-    of their shafts.
-    """
-    return bool(_near_gears(axis, np.array([order]), tolerance)[0])
-
-
-def _near_gears(axis: Axis, orders: Array, tolerance: float) -> Mask:
-    turns = _turns(axis)
-    sums = [0.0]
-    for mesh in mesh_orders(axis):
-        sums = [total + k * mesh for total in sums for k in range(-4, 5)]
-    sides = [0.0, *(side * turn for turn in turns[:2] for side in (-2.0, -1.0, 1.0, 2.0))]
-    known = [k * turn for turn in turns for k in range(1, 13)]
-    known += [float(k) for k in range(1, 101)]
-    known += [total + side for total in sums for side in sides]
-    places = np.unique(known)
-    after = np.clip(np.searchsorted(places, orders), 1, places.size - 1)
-    apart = np.minimum(np.abs(orders - places[after - 1]), np.abs(orders - places[after]))
-    return np.asarray(apart < tolerance + GEAR_WITHIN * orders)
-
-
-def _gear_family(axis: Axis, order: float, tolerance: float, lines: Array, resolution: float) -> bool:
-    """Whether a whole family is that of a shaft or a mesh.
-
-    Its base is then the shaft's or the mesh's own order, or a whole number of turns of the motor, or one of their
-    multiples while those below are heard, too.
-    """
-    turns, meshes = _turns(axis), mesh_orders(axis)
-    limit = tolerance + GEAR_WITHIN * order
-    single = [*turns, *meshes, *(mesh + side * turn for mesh in meshes for turn in turns[:2] for side in (-1.0, 1.0))]
-    if abs(order - round(order)) < limit or any(abs(order - one) < limit for one in single):
-        return True
-    for one in (*turns[1:], *meshes):
-        k = round(order / one)
-        if 2 <= k <= 12 and abs(order - k * one) < limit:
-            below = [np.min(np.abs(lines - j * one)) < 0.5 * resolution for j in range(1, k)]
-            if np.mean(below) >= 0.5:
-                return True
-    return False
-
-
-def _turns(axis: Axis) -> list[float]:
-    turns = [1.0]
-    for stage in axis.stages:
-        turns.append(turns[-1] / stage.ratio)
-    return turns
+def _power(place: Array, envelope: Array, size: int, averages: int) -> Array:
+    """Power over its own median, of an envelope at places (n,) of the path."""
+    grid: Array = np.arange(place[0], max(place[-1], size / PER_TURN), 1.0 / PER_TURN)
+    _, power = welch(np.interp(grid, place, envelope), PER_TURN, "hann", size)
+    floor = median_filter(power, FLOOR_BINS, mode="nearest") * averages / gammaincinv(averages, 0.5)
+    return np.asarray(power / np.maximum(floor, 1e-300))

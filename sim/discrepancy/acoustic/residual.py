@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from casebase.signals.live_channel import MAINS_HZ
-from casebase.signals.recording import Recording
 from sim.discrepancy.acoustic.operating_states import Course, Mask
 from sim.discrepancy.unexplained import Unexplained
 from sim.torsional.model import Array
@@ -30,17 +29,16 @@ MESHES, TURNS, HUMS = 8, 24, 6  # multiples that a gearbox and the mains have
 LOWEST_HZ, HIGHEST_HZ, PER_OCTAVE = 125.0, 3_600.0, 6
 
 
-def left_in(sound: Recording, course: Course) -> Unexplained | None:
+def left_in(course: Course) -> Unexplained | None:
     """What is left most in a recording; None where nothing is, or nothing is known of its motion."""
-    samples = sound.resampled(ANALYSIS_RATE_HZ).samples.astype(np.float64)
+    samples = course.analysis.samples.astype(np.float64)
     if course.moving is None or samples.size < LEAST * SEGMENT:
         return None
-    pieces = sliding_window_view(samples - samples.mean(), SEGMENT)[:: SEGMENT // 2]
+    pieces = sliding_window_view(samples, SEGMENT)[:: SEGMENT // 2]
     power = np.abs(np.fft.rfft(pieces * np.hanning(SEGMENT))) ** 2
     frequency: Array = np.arange(SEGMENT // 2 + 1, dtype=np.float64) * (ANALYSIS_RATE_HZ / SEGMENT)
     middle: Array = (np.arange(len(power), dtype=np.float64) + 1.0) * SEGMENT / 2 / ANALYSIS_RATE_HZ
-    at = np.clip((middle * sound.sample_rate_hz).astype(np.int64), 0, course.moving.size - 1)
-    moving = course.moving[at]
+    moving = course.moving_at(middle)
     found = (
         *(_line(power[rows], frequency, _of_no_order(course, middle, frequency)[rows]) for rows in (moving, ~moving)),
         _change(power, frequency, middle, _states(course, middle, moving)),
@@ -102,8 +100,7 @@ def _octaves(power: Array, frequency: Array) -> tuple[Array, Array]:
 def _states(course: Course, middle: Array, moving: Mask) -> NDArray[np.int64]:
     """0 at standstill, 1 between, 2 while cruising, of every segment."""
     half = SEGMENT / 2 / ANALYSIS_RATE_HZ
-    cruising = [(middle - half >= c.start_s) & (middle + half <= c.end_s) for c in course.cruises]
-    return np.asarray(moving.astype(np.int64) + np.any([np.zeros_like(moving), *cruising], axis=0))
+    return np.asarray(moving.astype(np.int64) + course.cruising_at(middle - half, middle + half))
 
 
 def _change(power: Array, frequency: Array, middle: Array, states: NDArray[np.int64]) -> Unexplained | None:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from scipy.ndimage import median_filter
+from scipy.signal import find_peaks
 from scipy.special import gammainccinv
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
@@ -15,13 +16,12 @@ from sim.torsional.model import Array
 DESCRIBED_WITHIN = 0.15  # of the described speed: payload and override
 TRANSFORM = 65_536  # 0.12 Hz at 8 kHz: below what a cruise resolves
 SURROUNDINGS_HZ = 16.0  # modes of a housing are wider, lines of constant speed narrower
-LOWEST_HZ, HIGHEST_HZ = 20.0, 3_700.0
+BAND_HZ = (20.0, 3_700.0)
 LARGEST_TURN = 4.4 * math.pi  # of a joint from end to end [rad]
 SLOWEST_RAD_S = 0.1  # of the load; a robot that cruises slower makes no sound
-STRONGEST = 60
-CLEAR = 2.5  # logarithm of height that makes a single line a mesh: twelve times the sound beside it
+CLEAR = 2.5  # logarithm of height that makes a mesh: twelve times the sound beside it
 STRUCTURE_HZ = 150.0  # below, arms and housings sing as narrowly as teeth
-PULSES = 6  # a line with so many multiples of its own strength is a train of pulses, not teeth
+MULTIPLES = np.array([1.0, 2.0, 3.0])
 
 
 def mesh_orders(axis: Axis) -> tuple[float, ...]:
@@ -45,79 +45,43 @@ def over_surroundings(values: Array, rate_hz: float, surroundings_hz: float = SU
     return np.asarray(power / np.maximum(floor, 1e-300))
 
 
-def heard_speed(
-    axis: Axis,
-    orders: tuple[float, ...],
-    spectrum: Array,
-    averages: int,
-    cruise_s: float,
-    described: float | None = None,
-) -> float | None:
+def mesh_speed(axis: Axis, spectrum: Array, averages: int, cruise_s: float, described: float | None) -> float | None:
     """Speed of the motor [1/s] for which the strongest lines are those of the meshes; None where no line is one.
 
-    `spectrum` is noise of mean 1 averaged `averages` times, and lines; only speeds near a described one count.
+    `spectrum` (m,) is noise of mean 1 averaged `averages` times, and lines; `cruise_s`: time at that speed in one way;
+    only speeds near a described one count.
     """
+    lines, height = spectrum_lines(spectrum, averages)
+    orders = np.array(mesh_orders(axis))
+    if not lines.size or not orders.size:
+        return None
+    speeds = (lines[:, None] / orders).ravel()
+    load = speeds * 2.0 * math.pi / axis.ratio
+    able = (load >= SLOWEST_RAD_S) & (load * cruise_s <= LARGEST_TURN)
+    if described is not None:
+        able &= np.abs(speeds / described - 1.0) < DESCRIBED_WITHIN
+    places = speeds[:, None] * np.outer(orders, MULTIPLES).ravel()
+    near = np.abs(places[:, :, None] - lines) < np.maximum(0.6, 1.5e-3 * places)[:, :, None]
+    found = np.where(near, height, 0.0).max(axis=2) / np.tile(MULTIPLES, orders.size)
+    score = found.sum(axis=1)
+    own = np.repeat(height, orders.size)
+    counted = score - np.where(np.repeat(lines, orders.size) > STRUCTURE_HZ, 0.0, own)
+    score = np.where(able & (counted > CLEAR), score, 0.0)
+    return float(speeds[np.argmax(score)]) if score.any() else None
+
+
+def spectrum_lines(spectrum: Array, averages: int) -> tuple[Array, Array]:
+    """Frequencies [Hz] and logarithms of height of the lines that noise would not make, 3 Hz apart: both (n,)."""
     spacing = ANALYSIS_RATE_HZ / TRANSFORM
-    lines = spectrum_lines(spectrum, averages, spacing)
-    best: tuple[float, float] | None = None
-    for frequency, height in lines:
-        if _is_pulse(frequency, lines):
-            continue
-        for order in orders:
-            speed = frequency / order
-            load = speed * 2.0 * math.pi / axis.ratio
-            near = described is None or abs(speed / described - 1.0) < DESCRIBED_WITHIN
-            if not near or load < SLOWEST_RAD_S or load * cruise_s > LARGEST_TURN:
-                continue
-            others = sum(_near(o * k * speed, lines) / k for o in orders for k in (1, 2, 3) if o * k != order)
-            alone = frequency > STRUCTURE_HZ and height > CLEAR
-            score = height + others
-            if (alone or others > CLEAR) and (best is None or score > best[0]):
-                best = (score, speed)
-    return None if best is None else best[1]
-
-
-def spectrum_lines(spectrum: Array, averages: int, spacing: float) -> list[tuple[float, float]]:
-    """Frequency [Hz] and logarithm of height of the strongest lines that noise would not make."""
-    low, high = round(LOWEST_HZ / spacing), round(HIGHEST_HZ / spacing)
-    part = spectrum[low:high]
-    limit = gamma_limit(averages, (high - low) / 8.0)
-    peaks = np.flatnonzero((part[1:-1] > limit) & (part[1:-1] >= part[:-2]) & (part[1:-1] > part[2:])) + 1
-    strongest = peaks[np.argsort(-part[peaks], kind="stable")]
-    kept: list[tuple[float, float]] = []
-    for k in strongest:
-        frequency = (low + _vertex(part, int(k))) * spacing
-        if all(abs(frequency - f) > 3.0 for f, _ in kept):  # the window's own side lobes
-            kept.append((frequency, math.log(float(part[k]))))
-        if len(kept) == STRONGEST:
-            break
-    return kept
+    low, high = (round(edge / spacing) for edge in BAND_HZ)
+    log = np.log(np.maximum(spectrum[low:high], 1e-300))
+    limit = math.log(gamma_limit(averages, (high - low) / 8.0))
+    peaks, _ = find_peaks(log, height=limit, distance=3.0 / spacing)
+    left, middle, right = (log[peaks + k] for k in (-1, 0, 1))
+    bend = np.minimum(left - 2.0 * middle + right, -1e-300)
+    return (low + peaks + 0.5 * (left - right) / bend) * spacing, middle
 
 
 def gamma_limit(averages: int, places: float, alpha: float = 0.005) -> float:
     """What the mean of `averages` exponential powers of mean 1 exceeds somewhere among `places` with chance alpha."""
     return float(gammainccinv(averages, alpha / max(places, 1.0)) / averages)
-
-
-def _vertex(values: Array, k: int) -> float:
-    left, middle, right = (math.log(values[k + d] + 1e-300) for d in (-1, 0, 1))
-    bend = left - 2.0 * middle + right
-    return k + (0.5 * (left - right) / bend if bend < 0.0 else 0.0)
-
-
-def _near(frequency: float, lines: list[tuple[float, float]]) -> float:
-    tolerance = max(0.6, 1.5e-3 * frequency)
-    return max((height for f, height in lines if abs(f - frequency) < tolerance), default=0.0)
-
-
-def _is_pulse(frequency: float, lines: list[tuple[float, float]]) -> bool:
-    """Whether a line is the k-th of a family of many lines of like strength, k up to 12."""
-    own = _near(frequency, lines)
-    for k in range(1, 13):
-        base = frequency / k
-        if base < 2.0 * LOWEST_HZ and k > 1:
-            break
-        found = [_near(base * n, lines) for n in range(1, 13) if base * n < HIGHEST_HZ]
-        if sum(h > 0.5 * own for h in found) >= min(PULSES, len(found)) and len(found) >= PULSES:
-            return True
-    return False

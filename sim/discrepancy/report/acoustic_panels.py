@@ -9,12 +9,11 @@ import numpy as np
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from casebase.signals.band import Band
 from casebase.signals.motion import HOP_HZ, loudness_db
-from sim.discrepancy.acoustic.angular_resampling import LINE, envelopes
 from sim.discrepancy.acoustic.baseline_comparison import USUAL_DB, growth_curves
 from sim.discrepancy.acoustic.evidence import Listening
-from sim.discrepancy.acoustic.operating_states import Course
+from sim.discrepancy.acoustic.impacts import impacts, over_around
+from sim.discrepancy.acoustic.operating_states import Course, course_of
 from sim.discrepancy.acoustic.spectral_lines import TRANSFORM, gamma_limit, mesh_orders
-from sim.discrepancy.acoustic.stroke_impacts import impacts, over_around
 from sim.discrepancy.report.panels import SOUND, Panel
 from sim.mechanisms import BearingDefect, StructuralResonance
 from sim.mechanisms.catalogue import kind_of
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
 SHOWN_S, SHOWN_HZ = 20.0, 1500.0
 MEAN_HOPS = 4
-SHOWN_ORDER, ORDER_STEP = 32.0, 0.05
+SHOWN_ORDER = 32.0
 REACHED = "what noise reaches"
 
 
@@ -60,22 +59,18 @@ def along_path(result: Investigation) -> list[Panel]:
     """The envelope of a sound beside telemetry over the path of the motor, where bearings show; with its findings."""
     if result.gate is None or not result.sounds:
         return []
-    sound, axis = result.sounds[0], result.axis
-    values = np.asarray(sound.samples, dtype=np.float64)
-    offset = result.sound_offset_s
-    heard = envelopes(values, sound.sample_rate_hz, result.gate.measurement, offset)
+    axis = result.axis
+    heard = course_of(axis, result.sounds[0], result.gate.measurement, result.sound_offset_s).orders
     if heard is None:
         return []
-    per = max(1, round(ORDER_STEP / heard.step))
-    count = int(np.searchsorted(heard.orders, SHOWN_ORDER)) // per
-    highest = np.asarray(heard.heights[: count * per].reshape(count, per).max(axis=1), dtype=np.float64)
-    centre: Array = (np.arange(count, dtype=np.float64) + 0.5) * per * heard.step
+    shown = heard.orders < SHOWN_ORDER
+    centre, highest = heard.orders[shown], heard.along.max(axis=0)[shown]
     lines = ((SOUND, 10.0 * np.log10(np.maximum(highest, 1e-3))),)
     bearings = [e.value for f in result.findings for e in f.parameters if f.mechanism == BearingDefect.name]
     teeth = tuple((k * order, "teeth") for order in mesh_orders(axis) for k in (1, 2) if k * order < SHOWN_ORDER)
     found = tuple((k * order, "bearing") for order in bearings for k in (1, 2, 3) if k * order < SHOWN_ORDER)
     labels = ("times per turn of the motor", "over its surroundings [dB]")
-    noise = (-10.0, 10.0 * float(np.log10(LINE)))
+    noise = (-10.0, 10.0 * float(np.log10(gamma_limit(heard.averages, heard.orders.size))))
     return [
         Panel(
             "Impacts in the sound, by order",
@@ -107,7 +102,7 @@ def _impacts(course: Course) -> Panel:
     highest = over[:count].reshape(-1, MEAN_HOPS).max(axis=1)
     time: Array = np.asarray((np.arange(highest.size) + 0.5) * MEAN_HOPS / HOP_HZ, dtype=np.float64)
     found = impacts(course)
-    times = () if found is None else found.times_s
+    times = () if found is None or found.times_s is None else found.times_s
     marks = [(t, "standstill") for t in course.analysis.motion.reversal_times_s if t <= SHOWN_S]
     marks += [(float(t), "impact") for t in times if t <= SHOWN_S]
     title, labels = "Impacts below 200 Hz", ("time [s]", "over the sound around [dB]")
