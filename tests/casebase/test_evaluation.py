@@ -58,10 +58,9 @@ def test_classes_far_apart_are_found_in_unseen_gearboxes() -> None:
     assert sum(sum(row.values()) for row in document["confusion"].values()) == 30  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("shift", [0.0, 5.0])
-def test_accuracy_is_the_diagonal_of_the_confusion(shift: float) -> None:
+def test_accuracy_is_the_diagonal_of_the_confusion() -> None:
     """Classes that hardly differ and a gearbox off the others: what is called new is not right."""
-    table = made_table(1, shift=shift)
+    table = made_table(1, gearboxes=4, shift=2.0)
     values = table.values.copy()
     values[table.gearboxes == "g0"] += 100.0
     result = evaluate(table.with_columns(1, table.text, values))
@@ -139,7 +138,7 @@ def test_simulated_cases_change_neither_figure_of_novelty(spoilt: float) -> None
 
 
 def test_of_an_axis_its_own_cases_are_asked_measured_and_simulated_ones() -> None:
-    table = joined(made_table(1), made_table(2))
+    table = joined(made_table(1, gearboxes=3), made_table(2, gearboxes=3))
     table = replace(table, axes=np.where(np.arange(len(table)) % 2, "b", "a"))
     found = evaluate(table, axis="b")
     assert {one.case_id for one in found.outcomes} == set(table.ids[table.axes == "b"].tolist())
