@@ -112,12 +112,8 @@ def take_in_robot(
     urdf: str,
     telemetries: Sequence[Measured],
     channels: str = "",
-    *,
-    next_motion: bool = False,
 ) -> Question:
     """Check and keep what was measured of a robot's joints; as `take_in` for an axis. `urdf`: what that was called.
-
-    `next_motion`: the next motion is to be found, too.
 
     Raises:
         AxisError: if there is no telemetry, or the same twice.
@@ -136,7 +132,7 @@ def take_in_robot(
         path.write_text(robot.urdf, encoding="utf-8")
         links = _kept(library, Measured(path, urdf))
     inputs: dict[str, object] = {"urdf": links, "telemetry": kept if len(kept) > 1 else kept[0]}
-    inputs |= ({"channels": channels} if channels else {}) | ({"next_motion": True} if next_motion else {})
+    inputs |= {"channels": channels} if channels else {}
     return Question(None, robot.name, robot.document, inputs)
 
 
@@ -339,7 +335,6 @@ def _investigated_robot(
 ) -> tuple[dict[str, object], str]:
     from sim.robot.investigation import investigate_robot
     from sim.robot.log import read_log
-    from sim.robot.next_motion import next_motion
     from sim.robot.report import robot_report, robot_story
 
     (urdf,) = _paths(library, row, "urdf")
@@ -350,28 +345,7 @@ def _investigated_robot(
     ]
     found = investigate_robot(robot, logs, report)
     files = [name for part in ("urdf", "telemetry") for name in names_of(row, part)]
-    document = {**found.document(), "story": robot_story(found)}
-    if row.inputs.get("next_motion") and (best := next_motion(found)) is not None:
-        document["next_motion"] = best.document()
-    return _plain(document), robot_report(found, files)
-
-
-def trajectory_of(row: StoredInvestigation) -> str:
-    """Return the next motion that an investigation of a robot found, as a file for a controller.
-
-    Raises:
-        ConflictError: if it is not finished.
-        NotFoundError: if it has none.
-    """
-    found = document_of(row).get("next_motion")
-    if not isinstance(found, dict):
-        raise NotFoundError(
-            f"investigation {row.id} has no next motion: it is asked for by the part next_motion = true, and there is "
-            "none where no motion that was tried tells more than a repeat of the present one"
-        )
-    from sim.robot.trajectory import Harmonics  # with a robot's equations, which few requests need
-
-    return Harmonics.of_document(found).trajectory().csv()
+    return _plain({**found.document(), "story": robot_story(found)}), robot_report(found, files)
 
 
 def _plain(document: Mapping[str, object]) -> dict[str, object]:

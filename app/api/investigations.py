@@ -28,7 +28,6 @@ from app.investigations import (
     submit,
     take_in,
     take_in_robot,
-    trajectory_of,
 )
 from app.location import location
 from app.robots import BINARY, robot_of
@@ -55,10 +54,9 @@ PARTS = (
     "channels",
     "robot",
     "urdf",
-    "next_motion",
     "diagnosis",
 )
-HTML, JSON, CSV = "text/html", "application/json", "text/csv"
+HTML, JSON = "text/html", "application/json"
 BODY = {
     "requestBody": {
         "required": True,
@@ -107,10 +105,6 @@ BODY = {
                             "type": "string",
                             "description": "channel map, TOML or the same as JSON: which columns of the telemetry are "
                             "which channels, in what units; of a robot with lists, one entry a joint",
-                        },
-                        "next_motion": {
-                            "type": "boolean",
-                            "description": "of a robot: find the next motion, too, which takes as long again",
                         },
                         "diagnosis": {
                             "type": "string",
@@ -275,9 +269,8 @@ def asked_of(service: Service, upload: Upload) -> Asked:
         _refuse_sound(upload)
         robot = robot_of(service, upload)
         urdf = upload.files["urdf"].name if "urdf" in upload.files else f"{robot.name}.urdf"
-        wanted = _wants_motion(upload)
-        take = partial(take_in_robot, service.library, robot, urdf, telemetry, channels, next_motion=wanted)
-        return Asked((robot.document, robot.urdf, hashes, wanted, *mapped), take)
+        take = partial(take_in_robot, service.library, robot, urdf, telemetry, channels)
+        return Asked((robot.document, robot.urdf, hashes, *mapped), take)
     diagnosed = upload.fields.get("diagnosis", "").strip() or None
     if diagnosed is not None:
         sounds = (_recorded(service, upload, diagnosed),)
@@ -308,13 +301,6 @@ def _refuse_sound(upload: Upload) -> None:
             f"The part {besides[0]!r} does not go with a robot: sound is investigated with the axis of the joint that "
             "is heard; leave it out, or send 'axis' instead of 'robot'."
         )
-
-
-def _wants_motion(upload: Upload) -> bool:
-    text = upload.fields.get("next_motion", "").strip() or "false"
-    if text not in ("true", "false"):
-        raise Unprocessable(f"next_motion must be true or false, got {text[:40]!r}.")
-    return text == "true"
 
 
 def axis_of(service: Service, upload: Upload) -> Axis:
@@ -408,14 +394,6 @@ def compare_investigations(
         findings=[FindingBecame.model_validate(row, from_attributes=True) for row in found.rows],
         values=[ValueBecame.model_validate(one, from_attributes=True) for one in found.values],
     )
-
-
-@router.get(
-    "/investigations/{investigation_id}/trajectory", response_class=Response, responses={200: {"content": {CSV: {}}}}
-)
-def investigation_trajectory(_: Viewer, session: Reading, investigation_id: Identifier) -> Response:
-    """The next motion of a robot as a file for its controller (see `docs/formats.md`), where it was asked for."""
-    return Response(trajectory_of(get_investigation(session, investigation_id)), media_type=CSV)
 
 
 def _document(service: Service, row: StoredInvestigation) -> Mapping[str, object]:

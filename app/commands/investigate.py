@@ -80,10 +80,6 @@ def run(
     sound_offset: Annotated[
         float, typer.Option(metavar="S", help="how long after its telemetry every sound starts [s]")
     ] = 0.0,
-    trajectory: Annotated[
-        Path | None,
-        typer.Option(metavar="OUT.csv", help="of a robot: the next motion, for its controller to play"),
-    ] = None,
     report: Annotated[
         Path | None, typer.Option(metavar="OUT.html", help="one file with plots that works offline")
     ] = None,
@@ -103,10 +99,8 @@ def run(
             raise typer.BadParameter("--extended is of one axis; a robot's stands in its --json document")
         if sound or as_new:
             raise typer.BadParameter("sound is investigated with an axis; give --axis AXIS of the joint that is heard")
-        _of_robot(frame, robot, telemetry or [], channels, report, trajectory, json=json)
+        _of_robot(frame, robot, telemetry or [], channels, report, json=json)
         return
-    if trajectory is not None:
-        raise typer.BadParameter("--trajectory is a motion of a whole robot; give --robot ROBOT.toml")
     described = axis_of(frame, axis)
     check_pairs(len(telemetry or ()), len(sound or ()), len(as_new or ()), channel_map=channels is not None)
     heard, before = _sounds(sound or ()), _sounds(as_new or ())
@@ -148,14 +142,12 @@ def _of_robot(
     telemetry: Sequence[Path],
     channels: Path | None,
     report: Path | None,
-    trajectory: Path | None,
     *,
     json: bool,
 ) -> None:
     """Investigate all joints of a robot."""
     from sim.robot.investigation import investigate_robot
     from sim.robot.log import read_log
-    from sim.robot.next_motion import next_motion
     from sim.robot.report import lines, robot_report
     from sim.robot.robot import read_robot
 
@@ -166,15 +158,8 @@ def _of_robot(
     if report is not None:
         report.write_text(robot_report(result), encoding="utf-8")
         frame.say(f"report: {report}")
-    document = result.document()
-    if trajectory is not None and (found := next_motion(result)) is not None:
-        trajectory.write_text(found.motion.trajectory().csv(), encoding="utf-8")
-        frame.say(f"next motion: {trajectory}")
-        document["next_motion"] = found.document()
-    elif trajectory is not None:
-        frame.say("no next motion: none of those that were drawn tells more than a repeat of this one")
     if json:
-        frame.print_json(document)
+        frame.print_json(result.document())
         return
     for line in lines(result):
         frame.print(line)

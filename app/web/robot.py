@@ -4,13 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from markupsafe import Markup
-
 from app.web.charts import Chart
 from app.web.story import causes_of
 from sim.discrepancy.report.formatting import named
 from sim.discrepancy.results import SAID
-from sim.robot import picture
+from sim.robot.results import SAYS
 
 Document = Mapping[str, Any]
 
@@ -45,23 +43,6 @@ def of_robot(document: Document) -> list[Document]:
     return [one for one in document["parameters"] if not any(one["name"].startswith(f"{name}.") for name in names)]
 
 
-def arm_of(document: Document, robot: str) -> Markup:
-    """Return the picture of the arm; nothing where the story has none."""
-    places = document["story"].get("arm")
-    if not places:
-        return Markup()
-    joints = [
-        (
-            joint.name,
-            picture.marked(
-                joint.verdict, [one["mechanism"] for one, _, _ in joint.findings], rest=bool(joint.unexplained)
-            ),
-        )
-        for joint in joints_of(document)
-    ]
-    return Markup(picture.picture(robot, places, joints))  # noqa: S704 - names are escaped there
-
-
 def _says(verdict: str, findings: Sequence[Document]) -> str:
     """Say in a few words what a joint has.
 
@@ -69,7 +50,7 @@ def _says(verdict: str, findings: Sequence[Document]) -> str:
     'viscous friction'
     """
     likely = [named(str(one["mechanism"])) for one in findings if one["probability"] >= SAID]
-    return ", ".join(dict.fromkeys(likely)) if verdict == "named" and likely else picture.SAYS[verdict]
+    return ", ".join(dict.fromkeys(likely)) if verdict == "named" and likely else SAYS[verdict]
 
 
 def _joint(document: Document, joint: Document) -> JointView:

@@ -31,7 +31,6 @@ from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Joint, Robot, position_key, slides
 from sim.robot.shared_fit import TILT_RAD, Late, PayloadEstimate, SharedFit, shared_fits
 from sim.robot.sliding import sliding_words
-from sim.robot.trend import changed
 
 Progress = Callable[[str, float], None]
 CLOSE_S, STEPS = 1e-4, 6  # of the secant method that finds a delay
@@ -65,7 +64,7 @@ def investigate_robot(
     """Hold a log of all joints against the robot's description.
 
     Of several logs of the same robot the last is investigated; what the joints share is fitted over all of them, the
-    payload for each of its own, and what has changed since the earlier ones is said.
+    payload for each of its own.
 
     Raises
     ------
@@ -86,28 +85,22 @@ def investigate_robot(
     progress("what the joints share", 0.08)
     fits, late = _in_time(robot, body, motions, [0.5 / log.joints[0].sample_rate_hz for log in logs])
     shared, count = fits[-1], len(robot.joints)
-    of_logs: list[list[JointInvestigation]] = []
-    remarks: list[str] = []
-    for place, (log, fit, delays) in enumerate(zip(logs, fits, late, strict=True)):
-        joints = []
-        for k, (joint, telemetry) in enumerate(zip(robot.joints, log.joints, strict=True)):
-            whose = f" in {log.name}" if len(logs) > 1 else ""
-            name = f"joint {k + 1} of {count}, {joint.name}{whose}"
-            watch = partial(_within, progress, name, place * count + k, len(logs) * count)
-            late_s = delays[k].delay_s if k in delays else 0.0
-            if k not in fit.motion.unmeasured:
-                one = _of_joint(joint, _earlier(telemetry, late_s), fit, k, watch)
-                one = less_sure(_late(one, delays.get(k), described[k]))
-            else:
-                one = replace(_untold(joint, log.unusable.get(joint.name, NOT_ITS_TORQUE)), verdict="unusable")
-            joints.append(JointInvestigation(joint.name, in_metres(one) if slides(robot, k) else one))
-        if all(joint.investigation.verdict == "unusable" or _is_untold(joint.investigation) for joint in joints):
-            raise InvestigationError(
-                "telemetry: all joints move too briefly; a longer record of the robot in motion is needed"
-            )
-        joints, remarks = _of_log(joints)
-        of_logs.append(joints)
-    changes = changed([log.name for log in logs], of_logs)
+    log, delays = logs[-1], late[-1]
+    joints = []
+    for k, (joint, telemetry) in enumerate(zip(robot.joints, log.joints, strict=True)):
+        watch = partial(_within, progress, f"joint {k + 1} of {count}, {joint.name}", k, count)
+        late_s = delays[k].delay_s if k in delays else 0.0
+        if k not in shared.motion.unmeasured:
+            one = _of_joint(joint, _earlier(telemetry, late_s), shared, k, watch)
+            one = less_sure(_late(one, delays.get(k), described[k]))
+        else:
+            one = replace(_untold(joint, log.unusable.get(joint.name, NOT_ITS_TORQUE)), verdict="unusable")
+        joints.append(JointInvestigation(joint.name, in_metres(one) if slides(robot, k) else one))
+    if all(joint.investigation.verdict == "unusable" or _is_untold(joint.investigation) for joint in joints):
+        raise InvestigationError(
+            "telemetry: all joints move too briefly; a longer record of the robot in motion is needed"
+        )
+    joints, remarks = _of_log(joints)
     payload = _payload_finding(robot, logs, fits)
     found = [f for joint in joints for f in joint.investigation.findings] + ([] if payload is None else [payload])
     rest = any(joint.investigation.unexplained is not None for joint in joints)
@@ -119,9 +112,8 @@ def investigate_robot(
         (
             *_recognised(logs), *_taken_as_held(robot), *_weightless(body), *_mended(robot), *_tilt_remarks(shared),
             *_earlier_payloads(logs, fits),
-            *map(str, changes), *remarks,
+            *remarks,
         ),
-        tuple(change.document() for change in changes),
     )  # fmt: skip
 
 

@@ -1,5 +1,5 @@
 # ruff: noqa: E501
-"""One HTML file of a robot: the arm with what was found at its joints, a table of all joints, then each joint's story.
+"""One HTML file of a robot: what was found, a table of all joints, then each joint's story.
 
 `robot_story` is the same for a page that draws by itself.
 """
@@ -10,9 +10,6 @@ import html
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sim.discrepancy.report.box import FLANGE, box_of_robot, is_shown, rests_of_robot
 from sim.discrepancy.report.drawing import svg
 from sim.discrepancy.report.formatting import likely, named, number, words_of
@@ -21,13 +18,8 @@ from sim.discrepancy.report.joint_html import FOLD, STYLES, WIDTH, body_of
 from sim.discrepancy.report.panels import Panel
 from sim.discrepancy.results import SAID, Finding, Investigation
 from sim.mechanisms.catalogue import is_in_every_axis
-from sim.robot import picture
 from sim.robot.joint_panels import finding_panels, torque_panels
-from sim.robot.picture import SAYS
-from sim.robot.results import RobotInvestigation
-from sim.robot.rigid_body import RigidBody
-
-Array = NDArray[np.float64]
+from sim.robot.results import SAYS, RobotInvestigation
 
 
 def headline(result: RobotInvestigation) -> str:
@@ -72,10 +64,9 @@ def lines(result: RobotInvestigation) -> Iterable[str]:
 
 
 def robot_story(result: RobotInvestigation) -> dict[str, object]:
-    """Headline, the arm as it is seen, the torques of all joints, and the plots of what was found, as JSON."""
+    """Headline, the torques of all joints, and the plots of what was found, as JSON."""
     return {
         "headline": headline(result),
-        "arm": [[round(float(x), 4) for x in place] for place in picture.seen(_places(result))],
         "overlay": [panel.document() for panel in torque_panels(result)],
         "causes": [{"finding": k, **panel.document()} for k, panel in enumerate(finding_panels(result)) if panel],
     }
@@ -104,7 +95,7 @@ def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
                 [*([("Also unexplained", rests)] if rests else []), ("Next measurement", result.next_measurement)],
             ),
             *(f"<p>{html.escape(remark)}</p>" for remark in result.remarks),
-            "<h2>The arm and its joints</h2>", _picture(result), _joints(result),
+            "<h2>The joints</h2>", _joints(result),
             *_frictions(result),
             "<h2>Torque of each joint</h2>", f'<p class="quiet">{TORQUES}</p>',
             '<div class="plots">', *(svg(p) for p in torque_panels(result)), "</div>",
@@ -113,7 +104,7 @@ def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
     )  # fmt: skip
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8">{WIDTH}<title>Investigation of {name}</title>'
-        f"<style>{STYLE}</style>{head}<style>{FOLD}{picture.STYLE}</style></head><body>{body}</body></html>"
+        f"<style>{STYLE}</style>{head}<style>{FOLD}</style></head><body>{body}</body></html>"
     )
 
 
@@ -188,21 +179,3 @@ def _joints(result: RobotInvestigation) -> str:
     )
     note = "Effective values at the joint; with what was found on rows that were not used for the fit."
     return f'{table(heads, rows, (1, 2, 3))}<p class="quiet">{note}</p>'
-
-
-def _picture(result: RobotInvestigation) -> str:
-    """The arm far from the middle of its motion, its joints marked by shape and colour."""
-    joints = [
-        (joint.name, picture.marked(one.verdict, [f.mechanism for f in one.findings], rest=one.unexplained is not None))
-        for joint in result.joints
-        for one in [joint.investigation]
-    ]
-    drawn = picture.picture(result.robot.name, picture.seen(_places(result)).tolist(), joints)
-    return f'<figure>{drawn}<p class="quiet">{picture.legend()}</p></figure>'
-
-
-def _places(result: RobotInvestigation) -> Array:
-    """Base, joints and flange in space [m], shape (joints + 2, 3)."""
-    motion = result.shared.motion
-    far = motion.position[int(np.argmax(np.abs(motion.position - motion.position.mean(axis=0)).sum(axis=1)))]
-    return RigidBody.of(result.robot).places(far)

@@ -13,6 +13,13 @@ from sim.robot.robot import SCHEMA, Robot, position_key
 from sim.robot.shared_fit import SharedFit
 
 PAYLOAD = "payload"
+SAYS = {
+    "nothing_missing": "nothing was found",
+    "named": "something was found",
+    "unnamed": "something without a name",
+    "unusable": "its torque says nothing",
+}
+"""The verdict of a joint in words."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +49,7 @@ class Located:
 
 @dataclass(frozen=True)
 class RobotInvestigation:
-    """What the rigid-body model of a robot misses, joint by joint; `document()` is the contract's JSON.
-
-    `changes`: what is another than in an earlier log, as JSON.
-    """
+    """What the rigid-body model of a robot misses, joint by joint; `document()` is the contract's JSON."""
 
     robot: Robot
     verdict: str
@@ -56,7 +60,6 @@ class RobotInvestigation:
     next_measurement: str
     provenance: Mapping[str, object]
     remarks: tuple[str, ...] = ()
-    changes: tuple[dict[str, object], ...] = ()
 
     def torque_rms_nm(self, place: int) -> dict[str, float]:
         """Effective torque at a joint [N m]: `measured`, left by the `rigid` body, and by the `extended` model.
@@ -116,7 +119,6 @@ class RobotInvestigation:
                 }
                 for k, joint in enumerate(self.joints)
             ],
-            **({"changes": list(self.changes)} if self.changes else {}),
             "remarks": list(self.remarks),
             "provenance": dict(self.provenance),
         }

@@ -146,16 +146,6 @@ class RigidBody:
         """Torques of the rigid robot as described, shape (rows, joints) [N m]."""
         return np.asarray(np.einsum("njbp,bp->nj", self.regressor(position, speed, acceleration), self.parameters))
 
-    def places(self, position: Array) -> Array:
-        """Base, logged joints, centre of the last link [m], shape (joints + 2, 3); `position`: shape (joints,)."""
-        import mujoco
-
-        data = self._data()
-        data.qpos[list(self.columns)] = position
-        mujoco.mj_kinematics(self.model, data)
-        joints = [int(self.model.dof_jntid[column]) for column in self.columns]
-        return np.array([np.zeros(3), *(data.xanchor[k] for k in joints), data.xipos[self.tool + 1]])
-
     def torque_of(self, position: Array, speed: Array, acceleration: Array) -> Array:
         """The same by MuJoCo's inverse dynamics in one piece: for many short motions."""
         import mujoco

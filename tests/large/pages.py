@@ -57,7 +57,6 @@ NO_PAGES = {
     "/diagnoses/{diagnosis_id}/report.pdf": "paper",
     "/investigations/{investigation_id}/report.pdf": "paper",
     "/investigations/{investigation_id}/panels/{part}/{number}": "numbers of one investigation",
-    "/investigations/{investigation_id}/trajectory.csv": "a file of one investigation",
     "/recordings/{recording_id}/sound": "a file",
     "/recordings/{recording_id}/spectrogram.png": "a picture of one file",
     "/demonstration.wav": "a file",

@@ -52,7 +52,6 @@ def test_a_robot_is_asked_for_and_told_joint_by_joint(
         row.document, row.state, row.finished_at = found(tmp_path), "done", now()
     library.close()
     with opened("viewer", f"/investigations/{identity}") as page:
-        expect(page.get_by_role("img", name="The arm of plane arm with its joints")).to_be_visible()
         expect(page.get_by_role("heading", name="Coulomb friction", include_hidden=True).last).to_be_hidden()
         page.get_by_role("link", name="2. elbow").click()
         expect(page.locator("#joint-2").get_by_role("heading", name="Coulomb friction")).to_be_visible()

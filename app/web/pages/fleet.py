@@ -12,7 +12,6 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.service import Reading, Service, TheService
-from app.web.drive_picture import drive_picture
 from app.web.first_hour import axis_cases, known_of_axis
 from app.web.headlines import Headlined, headlined, light
 from app.web.session import PageViewer
@@ -21,7 +20,7 @@ from app.web.templating import render
 from app.web.trend import charts_of, level_chart
 from app.web.waiting import waiting_page
 from app.web.words import VERDICTS, in_short, is_compared, sure_of
-from casebase.axes import find_axis, is_axis, unknown_axis
+from casebase.axes import is_axis, unknown_axis
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import Reason, Standing, State, standing
 from casebase.gearboxes import History
@@ -127,8 +126,7 @@ def gearbox_page(
     heard = list(reversed(shown.heard))
     first = next((k + 1 for k, one in enumerate(heard) if one.recording_id == before), 0)
     page = heard[first : first + LISTED]
-    described, said = find_axis(session, name), diagnoses_said(session, [stands])[0]
-    investigations = investigations_of(session, shown)
+    said = diagnoses_said(session, [stands])[0]
     context = {
         "name": name,
         "gearbox": gearbox or None,
@@ -144,10 +142,9 @@ def gearbox_page(
         "evidence": evidence_words(trend) if trend else None,
         "charts": charts_of(trend, shown, sizes_of(session, shown)) if trend else (),
         "level": level_chart(trend, shown) if trend else None,
-        "picture": drive_picture(described.document, findings_of(investigations, shown), stands) if described else None,
         "heard": page,
         "older": page[-1].recording_id if first + LISTED < len(heard) else None,
-        "investigations": investigations,
+        "investigations": investigations_of(session, shown),
         "verdicts": VERDICTS,
         "day": lambda value: day(value, zone),
     }
@@ -203,12 +200,3 @@ def investigations_of(session: Session, history: History) -> list[Headlined]:
     if history.until is not None:
         statement = statement.where(StoredInvestigation.created_at < history.until)
     return headlined(session, session.scalars(statement.order_by(StoredInvestigation.id.desc()).limit(10)).all())
-
-
-def findings_of(investigations: Sequence[Headlined], history: History) -> list[dict[str, object]]:
-    """Return what the newest finished investigation found since the gearbox was put in or repaired."""
-    renewed = history.renewed
-    for row, headline in investigations:
-        if headline is not None and (renewed is None or row.created_at >= renewed):
-            return [dict(each) for each in (row.document or {}).get("findings", ())]
-    return []

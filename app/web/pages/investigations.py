@@ -23,14 +23,13 @@ from app.investigations import (
     get_investigation,
     names_of,
     submit,
-    trajectory_of,
 )
 from app.security import Principal, check_csrf
 from app.service import Reading, TheJobs, TheService
 from app.uploads import TheUpload, Upload
 from app.web.headlines import Headlined, headlined, light
 from app.web.log_preview import log_preview, sound_preview
-from app.web.robot import arm_of, joints_of, of_robot
+from app.web.robot import joints_of, of_robot
 from app.web.self_contained import self_contained
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.story import Part, Shown, box_shown, candidates_of, panel_of, panels_of
@@ -51,7 +50,6 @@ from sim.discrepancy.report.box import box_of, box_of_robot, is_urgent, refused,
 from sim.discrepancy.report.panels import SHOWS
 from sim.discrepancy.unexplained import unexplained_of
 from sim.errors import AxisError
-from sim.robot.picture import legend
 
 router = APIRouter(prefix="/investigations")
 SECTION = "/investigations"
@@ -236,8 +234,6 @@ def _robot_page(
             "unexplained_words": lambda found: unexplained_words(unexplained_of(found)),
             "not_examined": document["remarks"],
             "others": others_of(session, row),
-            "arm": arm_of(document, row.robot or ""),
-            "legend": legend(),
             "joints": joints_of(document),
             "robot_values": of_robot(document),
             "torques": panels_of(document, "overlay"),
@@ -302,13 +298,6 @@ def paper(session: Reading, service: TheService, _: PageViewer, investigation_id
     )
     headers = {"Content-Disposition": f'attachment; filename="investigation-{row.id}.pdf"'}
     return Response(investigation_pdf(sheet), media_type="application/pdf", headers=headers)
-
-
-@router.get("/{investigation_id}/trajectory.csv")
-def trajectory(session: Reading, _: PageViewer, investigation_id: str) -> Response:
-    """The next motion of a robot as a file."""
-    headers = {"Content-Disposition": 'attachment; filename="trajectory.csv"'}
-    return Response(trajectory_of(get_investigation(session, investigation_id)), media_type="text/csv", headers=headers)
 
 
 @router.post("/{investigation_id}/accept", dependencies=[FromOurPage])
