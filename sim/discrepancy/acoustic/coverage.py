@@ -36,21 +36,18 @@ UNTOLD = "sound alone does not show it"
 
 @dataclass(frozen=True)
 class Reach:
-    """`examined` in one recording at least; `not_examined`: to the reason; `partly`: in how many, where not in all."""
+    """`examined` in one recording at least; `not_examined`: to the reason."""
 
     examined: tuple[str, ...]
     not_examined: Mapping[str, str]
-    partly: Mapping[str, int]
-    recordings: int
 
     def sentence(self) -> str:
         """Both in words, as the first remark.
 
-        >>> Reach(("clipping",), {"backlash": "no standstill is heard"}, {}, 1).sentence()[:67]
+        >>> Reach(("clipping",), {"backlash": "no standstill is heard"}).sentence()[:67]
         'Examined: clipping. Not examined: backlash, because no standstill i'
         """
-        partly = {name: f" (in {count} of {self.recordings} recordings)" for name, count in self.partly.items()}
-        examined = ", ".join(f"{WORDS[name]}{partly.get(name, '')}" for name in self.examined)
+        examined = ", ".join(WORDS[name] for name in self.examined)
         together: dict[str, list[str]] = {}
         for name, reason in self.not_examined.items():
             if name in WORDS:
@@ -63,17 +60,14 @@ class Reach:
 def reach(axis: Axis, courses: Sequence[Course], as_new: Sequence[Course] = ()) -> Reach:
     """What all recordings together let be looked for, with those from when the axis was new."""
     each = [_hindrances(axis, course, as_new) for course in courses]
-    examined, partly, not_examined = [], {}, {}
-    for name in WORDS:
-        reasons = [hindrances[name] for hindrances in each if name in hindrances]
-        if len(reasons) == len(each):
-            not_examined[name] = ", or ".join(dict.fromkeys(reasons))
-            continue
-        examined.append(name)
-        if reasons:
-            partly[name] = len(each) - len(reasons)
+    examined = tuple(name for name in WORDS if not all(name in hindrances for hindrances in each))
+    hindered = {
+        name: ", or ".join(dict.fromkeys(hindrances[name] for hindrances in each))
+        for name in WORDS
+        if name not in examined
+    }
     rest = {name: UNTOLD for name in sorted(MECHANISMS) if name not in WORDS}
-    return Reach(tuple(examined), {**not_examined, **rest}, partly, len(each))
+    return Reach(examined, {**hindered, **rest})
 
 
 def _hindrances(axis: Axis, course: Course, as_new: Sequence[Course]) -> dict[str, str]:

@@ -17,7 +17,6 @@ from sim.discrepancy.acoustic.residual import left_in
 from sim.discrepancy.acoustic.several_recordings import (
     contradictions,
     names_of,
-    strangers,
     with_recordings,
     without_copies,
 )
@@ -83,7 +82,6 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recor
         within.sentence(),
         *(f"{name}: {c.contradiction}" for name, c in zip(names, courses, strict=True) if c.contradiction),
         *contradictions(machine, names),
-        *strangers([*sounds, *as_new], [*names, *(f"{name} as new" for name in as_new_names)]),
         *strangers_as_new(courses, before, names),
         *copied,
         *told,

@@ -255,8 +255,8 @@ def test_without_tooth_numbers_no_bearing_and_without_gears_no_tooth_was_examine
 
 
 def test_a_slow_recorder_lets_no_bearing_be_looked_for() -> None:
-    slow = recording(running(23)).resampled(1500.0)
-    assert "1500 Hz is too low" in investigate(AXIS, None, slow).not_examined["bearing_defect"]
+    slow = recording(running(23)).resampled(600.0)
+    assert "600 Hz is too low" in investigate(AXIS, None, slow).not_examined["bearing_defect"]
 
 
 def with_motion(**numbers: float) -> Axis:
@@ -317,21 +317,12 @@ def test_a_copy_is_no_more_evidence() -> None:
     assert "Copies count once: 1 of 2 recordings are left." in twice.remarks
 
 
-def test_recordings_that_differ_plainly_are_asked_whether_they_are_of_one_axis() -> None:
-    sound = recording(running(13))
-    quieter = recording(0.1 * running(14))
-    alike = " ".join(hear(running(13), running(14)).remarks)
-    assert "differ in" not in alike
-    assert "differ in level" in " ".join(listen_alone(AXIS, [sound, quieter]).remarks)
-    assert "differ in sample rate" in " ".join(listen_alone(AXIS, [sound, sound.resampled(16000.0)]).remarks)
-
-
 def test_a_sound_of_another_motion_is_asked_whether_it_belongs_to_the_telemetry() -> None:
     sound = recording(running(16))
     assert mismatch(sound, measured(0.0), 0.0) == ()
     assert "is the offset of the sound right" in str(mismatch(sound, measured(0.0), 0.7))
     slower = replace(sound, sample_rate_hz=1.4 * RATE)
-    assert "are they of the same motion" in str(mismatch(slower, measured(0.0), 0.0))
+    assert "are they of one motion" in str(mismatch(slower, measured(0.0), 0.0))
     assert mismatch(recording(np.random.default_rng(3).standard_normal(TIME.size)), measured(0.0), 0.0) == ()
 
 
