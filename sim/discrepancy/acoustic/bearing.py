@@ -34,9 +34,9 @@ PER_BIN = 4  # bases per bin
 GEAR_MULTIPLES = 12
 SIDEBANDS = 0.15  # turns of the motor on either side of a line of teeth: slow shafts and an uneven speed
 TEETH_MULTIPLES, TURN_ORDERS = 4, 12.0  # of a gear with a damaged tooth
-# Natural logarithms by which 290 simulated gearboxes without such a tooth exceed: 0.3 in one of twenty, 0.6 at most;
-# with one it is 0.9 to 3.
-TURNS_TAIL = Tail(start=0.3, share=0.05, scale=0.08)
+# Natural logarithms of power. Of 290 simulated gearboxes without such a tooth one in twenty reaches 0.3 and none 0.6; a
+# badly damaged tooth of the output gear reaches 0.5, one of a gear between 0.7 to 3.
+TURNS_TAIL = Tail(start=0.45, share=0.05, scale=0.08)
 
 
 @dataclass(frozen=True)
