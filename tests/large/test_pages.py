@@ -13,7 +13,7 @@ from tests.large.library import Size
 from tests.large.pages import NO_PAGES, Cost, built, cost_of, is_asked, routes
 from tests.web.test_pages import EVERY_PAGE
 
-TIMES, FEW = 2, 9
+TIMES, FEW = 2, 6
 SHORT_BYTES, PAGE_ROWS, SLACK_BYTES = 130, 110, 1000
 """A row of ids and counts; the most rows that a page shows in full; what differs by chance, an id in a text say."""
 
