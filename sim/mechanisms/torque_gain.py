@@ -41,7 +41,11 @@ class TorqueGain(Measurement):
     )
     own_hypothesis: ClassVar[bool] = True
     of_the_recording: ClassVar[bool] = True
-    traits: ClassVar[Traits] = Traits(once=True)
+    traits: ClassVar[Traits] = Traits(
+        least_share=0.003,  # any part of a record has its own share of what the form of a model leaves
+        form_of_any=0.15,
+        once=True,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

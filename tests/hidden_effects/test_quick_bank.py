@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.hidden_effects.bank import Entry
@@ -63,6 +64,23 @@ def second(seed: int, hidden: Mapping[str, str | None], *, stride: int = 4, seco
     return make
 
 
+def sagging(good: Make, share: float, start_s: float, end_s: float) -> Make:
+    """A recording of a good axis whose torque is read by 1 + `share` from `start_s` to `end_s`."""
+
+    def make(folder: Path) -> JSON:
+        answer = dict(good(folder))
+        file = folder / "telemetry.csv"
+        table = np.genfromtxt(file, delimiter=",", names=True)
+        since = table["time_s"] - table["time_s"][0]
+        table["motor_torque_nm"][(since >= start_s) & (since < end_s)] *= 1.0 + share
+        np.savetxt(file, table, delimiter=",", header=",".join(table.dtype.names or ()), comments="")
+        size = {"share": share, "start_s": start_s, "end_s": end_s}
+        hidden = {"mechanism": "torque_gain", "location": "motor", "true_location": "motor", "size": size}
+        return {**answer, "group": "sensor", "verdict": "named", "hidden": [hidden], "size": size}
+
+    return make
+
+
 def robot(seed: int, kind: str) -> Make:
     """A log of a robot with six joints."""
 
@@ -85,6 +103,7 @@ NAMED: dict[str, Make] = {
     "spring with a loop": first("mechanics", 9_000_101, "hysteresis", kind="two shafts"),
     "torque that comes late": first("sensor", 9_000_121, "time_delay", kind="direct drive", load_encoder=False),
     "hum in the torque": first("sensor", 9_000_131, "electrical_hum", kind="direct drive", load_encoder=False),
+    "torque constant that falls": sagging(second(912, {}, seconds=24.0), -0.15, 8.0, 16.0),
     "two frictions at once": first(
         "two", 9_000_181, "coulomb_friction", "viscous_friction", kind="direct drive", load_encoder=False
     ),

@@ -251,8 +251,8 @@ class Problem:
     def best(self, terms: Sequence[Term], starts: Sequence[Start], *, to_end: bool = True) -> Fit | None:
         """The best fit from several starts, each with the sensitivities known there; None where none can be simulated.
 
-        `to_end`: the one that is ahead after a few steps is finished, the others are not. But where teeth come loose and
-        meet again the way to the least squares is rough, and all are.
+        `to_end`: the one that is ahead after a few steps is finished, the others are not. Where teeth come loose and
+        meet again, the way to the least squares is rough: all are.
         """
         at_once = to_end and (len(starts) == 1 or any(t.contact for t in terms))
 

@@ -29,7 +29,7 @@ def calibrate(problem: Problem) -> tuple[Problem, Fit]:
     """Fit what the description has, whitened by what the description itself leaves, then by what the fit leaves."""
     described = problem.fit(iterations=0)
     problem = problem.with_noise(problem.noise_of(described)).told((), described.values)
-    return rewhiten(problem, problem.fit(held=described.sensitivities))
+    return multistart(*rewhiten(problem, problem.fit(held=described.sensitivities)))
 
 
 def quieted(problem: Problem, fit: Fit, law: DriveLaw) -> tuple[Problem, Fit]:

@@ -72,6 +72,7 @@ def gain(level: float, duration_s: float, start_s: float, end_s: float, among: i
         TorqueGain.name, "motor", parameters, (({share: level},),),
         lambda v: {"share": v[share], "start_s": v[start], "end_s": v[end]},
         torque=torque, shape=(start, end), size=0.5 * level, among=among,
+        magnitude=lambda v: v[share] if abs(v[share]) < 0.99 * numbers.high else 0.0,
     )  # fmt: skip
 
 

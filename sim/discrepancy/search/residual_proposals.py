@@ -30,6 +30,7 @@ from sim.discrepancy.hypotheses.nonparametric import (
     torque_over_angle,
 )
 from sim.discrepancy.hypotheses.sensors import HUM_HZ, gain, hum
+from sim.discrepancy.search.score_test import Rest
 from sim.mechanisms.catalogue import kind_of
 from sim.mechanisms.traits import LEAST_GAIN
 from sim.torsional.model import Array
@@ -133,21 +134,25 @@ def waves(problem: Problem, fit: Fit) -> list[Term]:
 def changed_gain(problem: Problem, fit: Fit) -> list[Term]:
     """The torque channel read by another factor for the part of the record in which this explains most.
 
-    By the squares that a share of the measured torque takes from the residual between two times, both whitened, of all
-    pairs of times on a grid.
+    By the squares that a share of the measured torque takes away between two times, of all pairs of times on a grid,
+    the rest of the model following in the linear picture: inertia and friction bend to what a factor asks of them.
     """
     m = problem.measurement
     n = m.samples
     measured = problem.white((m.across(m.torque), np.zeros(fit.residual.size - n)))[:n]
     edges = np.linspace(0, n, WINDOWS + 1).astype(np.int64)
-    both, own = (np.concatenate([[0.0], np.add.reduceat(x, edges[:-1]).cumsum()]) for x in (
-        measured * fit.residual[:n], measured**2
-    ))  # fmt: skip
+    parts = np.zeros((WINDOWS, fit.residual.size))
+    for part, first, last in zip(parts, edges[:-1], edges[1:], strict=True):
+        part[first:last] = -measured[first:last]
+    own, pull, _ = Rest.of(fit, ()).against(parts, fit.residual)
+    both = np.concatenate([[0.0], pull.cumsum()])
+    table = np.pad(own.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     first, last = np.triu_indices(WINDOWS + 1, SHORTEST)
-    inside = last - first < WINDOWS  # all of the record is another torque constant: inertia and friction are off
+    inside = last - first <= WINDOWS // 2  # what a factor is most of the time is the torque constant
     first, last = first[inside], last[inside]
-    gained = (both[last] - both[first]) ** 2 / np.maximum(own[last] - own[first], 1e-300)
-    if not gained.size or gained.max() <= LEAST_GAIN:
+    squares = table[last, last] - table[first, last] - table[last, first] + table[first, first]
+    gained = (both[last] - both[first]) ** 2 / np.maximum(squares, 1e-9 * table[-1, -1] + 1e-300)
+    if gained.max() <= LEAST_GAIN:
         return []
     best = int(np.argmax(gained))
     start_s, end_s = (float(m.time_s[min(edges[k], n - 1)]) for k in (first[best], last[best]))

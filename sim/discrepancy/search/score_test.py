@@ -26,7 +26,7 @@ def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[Screened]:
     power = np.abs(np.fft.rfft(left)) ** 2
     m = problem.measurement
     speed = np.where(m.weight > 0.5, np.abs(m.speed), np.nan)
-    rest = {gone: _Rest.of(fit, gone) for gone in {term.replaces for term in terms}}
+    rest = {gone: Rest.of(fit, gone) for gone in {term.replaces for term in terms}}
 
     def promise(job: tuple[Term, tuple[Mapping[str, float], ...]]) -> tuple[float, Term, Mapping[str, float]]:
         term, group = job
@@ -86,7 +86,7 @@ def keeps_on(left: Array, rate_hz: float, frequency_hz: float, speed: Array) -> 
 
 
 @dataclass(frozen=True)
-class _Rest:
+class Rest:
     """The model around a new term, in the linear picture, without the parameters whose place it takes.
 
     What is at a limit stays there: free to pass it, it would take away what the term is there for. `relief`: what
@@ -100,7 +100,7 @@ class _Rest:
     relief: float
 
     @staticmethod
-    def of(fit: Fit, gone: Sequence[str]) -> _Rest:
+    def of(fit: Fit, gone: Sequence[str]) -> Rest:
         offset = np.array([(fit.values[p.name] - p.expected) / p.spread for p in fit.parameters])
         stays = np.array([p.name not in gone for p in fit.parameters])
         follows = stays & ~fit.at_limit
@@ -110,7 +110,7 @@ class _Rest:
         scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
         factor = cho_factor(information / np.outer(scale, scale) + 1e-10 * np.eye(scale.size))
         gradient = (columns.T @ fit.residual + steps * offset[follows]) / scale
-        return _Rest(columns, scale, factor, gradient, float(np.sum(offset[~stays] ** 2)))
+        return Rest(columns, scale, factor, gradient, float(np.sum(offset[~stays] ** 2)))
 
     def against(self, block: Array, residual: Array) -> tuple[Array, Array, float]:
         """Curvature (k, k) and slope (k,) of the squares over shares of the changes `block` (k, rows)."""

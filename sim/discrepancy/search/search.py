@@ -173,8 +173,6 @@ class SelectionState:
         """What is in, held against its rivals and against what the others have made needless."""
         if self.problem.memory != LONG:
             self.problem, self.fit = look_closely(self.problem, self.fit)
-        if not self.fit.terms:
-            self.problem, self.fit = multistart(self.problem, self.fit)
         self.fit, self.rivals = swap(self.problem, self.fit, self.rivals, self.entered)
         self.problem, self.fit, self.nearly = turned(self.problem, self.fit, self.nearly)
         self.problem, self.fit, self.gains = prune(self.problem, self.fit, strict=True)
