@@ -19,27 +19,26 @@ from sim.discrepancy.assessment.intervals import NINETY
 from sim.discrepancy.data.data_fault import InvestigationError, TooLittleMotion
 from sim.discrepancy.investigation import investigate, telemetry_sha256
 from sim.discrepancy.model.one_body import as_described, at_the_motor, is_one_body
-from sim.discrepancy.next_measurement.advice import of_a_joint
 from sim.discrepancy.report.wording import telling_what_is_left
 from sim.discrepancy.results import SAID, Estimate, Finding, Investigation
 from sim.discrepancy.unexplained import rounded
 from sim.mechanisms import LostSamples, TimeDelay
+from sim.robot.joint_words import joint_words
 from sim.robot.motion import Motion
 from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
-from sim.robot.robot import Joint, Robot, position_key, slides
+from sim.robot.robot import Joint, Robot, position_key
 from sim.robot.shared_fit import TILT_RAD, Late, PayloadEstimate, SharedFit, shared_fits
-from sim.robot.sliding import sliding_words
 
 Progress = Callable[[str, float], None]
 CLOSE_S, STEPS = 1e-4, 6  # of the secant method that finds a delay
 TILTED = 3.0  # standard deviations from which the base is said to stand askew
-LEAST_SHARE = 0.1  # of variance explained: an interval is ten times as wide at most
 NOT_ITS_TORQUE = (
     "The torque of this joint is not what the robot asks for along this motion: its unit, factor or sign may be "
     "wrong. The other joints were examined without it."
 )
+DEAD = "motor_torque_nm: has the same value in all rows. The other joints were examined without it."
 HELD = "The joint was held still: nothing is told of its friction and its drive."
 BRIEFLY = "The joint moved too briefly: nothing is told of its friction and its drive."
 
@@ -64,7 +63,7 @@ def investigate_robot(
     """Hold a log of all joints against the robot's description.
 
     Of several logs of the same robot the last is investigated; what the joints share is fitted over all of them, the
-    payload for each of its own.
+    payload for each of its own. A joint whose torque says nothing is unusable, and moves the others all the same.
 
     Raises
     ------
@@ -81,26 +80,25 @@ def investigate_robot(
     body = RigidBody.of(robot)
     check_joints(robot, body)
     motions = [Motion.of(robot, log.joints) for log in logs]
+    dead = motions[-1].unmeasured
     motions = [motion.without_torque(check_robot(robot, body, motion)) for motion in motions]
     progress("what the joints share", 0.08)
     fits, late = _in_time(robot, body, motions, [0.5 / log.joints[0].sample_rate_hz for log in logs])
-    shared, count = fits[-1], len(robot.joints)
-    log, delays = logs[-1], late[-1]
+    shared, log, delays = fits[-1], logs[-1], late[-1]
     joints = []
     for k, (joint, telemetry) in enumerate(zip(robot.joints, log.joints, strict=True)):
-        watch = partial(_within, progress, f"joint {k + 1} of {count}, {joint.name}", k, count)
-        late_s = delays[k].delay_s if k in delays else 0.0
-        if k not in shared.motion.unmeasured:
-            one = _of_joint(joint, _earlier(telemetry, late_s), shared, k, watch)
-            one = less_sure(_late(one, delays.get(k), described[k]))
+        if k in shared.motion.unmeasured:
+            why = log.unusable.get(joint.name, DEAD if k in dead else NOT_ITS_TORQUE)
+            one = replace(_untold(joint, why), verdict="unusable")
         else:
-            one = replace(_untold(joint, log.unusable.get(joint.name, NOT_ITS_TORQUE)), verdict="unusable")
-        joints.append(JointInvestigation(joint.name, in_metres(one) if slides(robot, k) else one))
-    if all(joint.investigation.verdict == "unusable" or _is_untold(joint.investigation) for joint in joints):
-        raise InvestigationError(
-            "telemetry: all joints move too briefly; a longer record of the robot in motion is needed"
-        )
-    joints, remarks = _of_log(joints)
+            watch = partial(_within, progress, joint.name, k, len(robot.joints))
+            by_s = delays[k].delay_s if k in delays else 0.0
+            one = _late(_of_joint(joint, _earlier(telemetry, by_s), shared, k, watch), delays.get(k), described[k])
+        joints.append(JointInvestigation(joint.name, _in_its_words(robot, k, one)))
+    if not any(joint.investigation.selection for joint in joints):
+        reasons = "; ".join(f"{joint.name}: {joint.investigation.remarks[0]}" for joint in joints)
+        raise InvestigationError(f"telemetry: no joint can be examined. {reasons}")
+    joints, of_the_log = _of_log(joints)
     payload = _payload_finding(robot, logs, fits)
     found = [f for joint in joints for f in joint.investigation.findings] + ([] if payload is None else [payload])
     rest = any(joint.investigation.unexplained is not None for joint in joints)
@@ -109,11 +107,7 @@ def investigate_robot(
     return RobotInvestigation(
         robot, verdict, payload, tuple(joints), shared, _payload_parameters(robot, shared),
         _next_measurement(joints, shared), _provenance(robot, logs, shared),
-        (
-            *_recognised(logs), *_taken_as_held(robot), *_weightless(body), *_mended(robot), *_tilt_remarks(shared),
-            *_earlier_payloads(logs, fits),
-            *remarks,
-        ),
+        (*_remarks(robot, body, logs, shared), *of_the_log),
     )  # fmt: skip
 
 
@@ -122,10 +116,8 @@ def _in_time(
 ) -> tuple[tuple[SharedFit, ...], list[dict[int, Late]]]:
     """What the joints share once torques that are late by themselves are back in time, and those of each log.
 
-    The likeliest first: what it leaves in the others looks like delays, too. By the secant method, since a torque bends
-    within a delay, and friction that is late looks as if it built up while friction that is early looks like nothing
-    else. What does not converge and what wants to be later than any delay is none. `half_s`: half a row of each log;
-    channels are read one after the other.
+    The likeliest first: what it leaves in the others looks like delays, too. What does not converge is none, and what
+    wants to be later than any delay. `half_s`: half a row of each log; channels are read one after the other.
     """
     late: list[dict[int, Late]] = [{} for _ in motions]
     none: set[tuple[int, int]] = set()
@@ -141,42 +133,36 @@ def _in_time(
         if not found:
             break
         _, k, j = max(found)
-        first = fits[k].late[j]
-        earlier = _Earlier(robot, body, motions, k, j, {0.0: fits})
-        found_s = root_scalar(earlier.left_s, method="secant", x0=0.0, x1=first.delay_s, xtol=CLOSE_S, maxiter=STEPS)
-        by_s = float(found_s.root)
-        if found_s.converged:
-            one = first.found_at(by_s, earlier.fitted(by_s)[k].late[j].deviation_s)
-            if one.probability >= SAID and one.is_delay(2.0 * half_s[k]):
-                late[k][j], motions, fits = one, earlier.motions(by_s), earlier.fitted(by_s)
-                continue
-        none.add((k, j))
+        by_s, moved, then = _followed(robot, body, motions, fits, k, j)
+        one = fits[k].late[j].found_at(by_s, then[k].late[j].deviation_s)
+        if by_s and one.probability >= SAID and one.is_delay(2.0 * half_s[k]):
+            late[k][j], motions, fits = one, moved, then
+        else:
+            none.add((k, j))
     return fits, late
 
 
-@dataclass(frozen=True)
-class _Earlier:
-    """The logs with the torque of one joint of one of them earlier; `fits`: what the joints share, by how much [s]."""
+def _followed(
+    robot: Robot, body: RigidBody, motions: Sequence[Motion], fits: tuple[SharedFit, ...], k: int, j: int
+) -> tuple[float, Sequence[Motion], tuple[SharedFit, ...]]:
+    """The delay of joint `j` in log `k` [s], 0 where none is found; motions and fits with its torque earlier by that.
 
-    robot: Robot
-    body: RigidBody
-    logs: Sequence[Motion]
-    log: int
-    joint: int
-    fits: dict[float, tuple[SharedFit, ...]]
+    By the secant method, since a torque bends within a delay, and friction that is late looks as if it built up while
+    friction that is early looks like nothing else.
+    """
+    tried = {0.0: (motions, fits)}
 
-    def motions(self, by_s: float) -> list[Motion]:
-        moved = self.logs[self.log].with_earlier_torque(self.joint, by_s)
-        return [moved if place == self.log else m for place, m in enumerate(self.logs)]
-
-    def fitted(self, by_s: float) -> tuple[SharedFit, ...]:
-        if by_s not in self.fits:
-            self.fits[by_s] = shared_fits(self.robot, self.body, self.motions(by_s))
-        return self.fits[by_s]
-
-    def left_s(self, by_s: float) -> float:
+    def left_s(by_s: float) -> float:
         """By how much it is still late [s]."""
-        return self.fitted(by_s)[self.log].late[self.joint].delay_s
+        if by_s not in tried:
+            moved = [*motions[:k], motions[k].with_earlier_torque(j, by_s), *motions[k + 1 :]]
+            tried[by_s] = moved, shared_fits(robot, body, moved)
+        return tried[by_s][1][k].late[j].delay_s
+
+    found = root_scalar(left_s, method="secant", x0=0.0, x1=left_s(0.0), xtol=CLOSE_S, maxiter=STEPS)
+    by_s = float(found.root) if found.converged else 0.0
+    left_s(by_s)
+    return by_s, *tried[by_s]
 
 
 def _described_delay(joint: Joint) -> float:
@@ -220,32 +206,9 @@ def _late(one: Investigation, late: Late | None, described_s: float) -> Investig
     return replace(one, verdict="named", findings=(*one.findings, finding))
 
 
-def less_sure(one: Investigation) -> Investigation:
-    """What is found at a joint rests on the share of its torque's variance that the model explains on rows that it has
-    not seen (coefficient of determination): names are so much less sure, intervals as much wider. Where unused rows do
-    not show that anything was gained, names are no likelier than not."""
-    torque = next((g for g in one.gain if g.channel == "motor_torque_nm"), None)
-    if torque is None or not torque.rms_measured:
-        return one
-    explained = 1.0 - min(torque.rms_after / torque.rms_measured, 1.0) ** 2
-    share = explained if torque.significant else min(explained, 0.5)
-
-    def wider(e: Estimate) -> Estimate:
-        low, high = (e.value + (end - e.value) / max(share, LEAST_SHARE) for end in (e.low, e.high))
-        return replace(e, low=low, high=high)
-
-    findings = tuple(
-        replace(f, probability=f.probability * share, parameters=tuple(map(wider, f.parameters))) for f in one.findings
-    )
-    verdict = one.verdict
-    if verdict == "named" and not any(f.probability >= SAID for f in findings):
-        verdict = "unnamed"
-    return replace(one, findings=findings, parameters=tuple(map(wider, one.parameters)), verdict=verdict)
-
-
-def _within(progress: Progress, name: str, place: int, joints: int, stage: str, share: float) -> None:
+def _within(progress: Progress, joint: str, place: int, joints: int, stage: str, share: float) -> None:
     """How far the whole is, by how far one joint is."""
-    progress(name, 0.15 + 0.8 * (place + share) / joints)
+    progress(f"joint {place + 1} of {joints}, {joint}", 0.15 + 0.8 * (place + share) / joints)
 
 
 def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int, progress: Progress) -> Investigation:
@@ -253,84 +216,51 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
     motion, axis = shared.motion, joint.axis
     if not motion.moves[place]:
         return _untold(joint, HELD)
-    load, ratio, told = axis.load.inertia_kg_m2, axis.ratio, axis
+    load, ratio, felt_at = axis.load.inertia_kg_m2, axis.ratio, 1.0
     if as_one_body := is_one_body(axis, telemetry):
-        axis, load = at_the_motor(axis), 0.0
+        axis, load, felt_at = at_the_motor(axis), 0.0, ratio
     elif axis.stages and not load:
         raise InvestigationError(
             f"{joint.name}: load.inertia_kg_m2 of its axis has to be above 0: about what the spring of its gears moves"
         )
     telemetry = _counting(telemetry, motion)
     known = shared.known[:, place] - load * motion.acceleration[:, place]
-    doubts = motion.on(shared.errors[place], telemetry.time_s)
-    known = motion.on(known, telemetry.time_s)
-    channels = {**telemetry.channels}
+    known, doubts = (motion.on(each, telemetry.time_s) / felt_at for each in (known, shared.errors[place]))
+    channels = {**telemetry.channels, "known_torque_nm": known}
     if "motor_position_rad" not in channels:
         channels["motor_position_rad"] = channels["load_position_rad"] * ratio
-    if as_one_body:
-        known, doubts = known / ratio, doubts / ratio
-    channels["known_torque_nm"] = known
     try:
         one = investigate(
-            axis,
-            replace(telemetry, channels=channels),
-            progress=progress,
-            known_doubts=doubts,
-            gear=ratio if as_one_body else 1.0,
+            axis, replace(telemetry, channels=channels), progress=progress, known_doubts=doubts, gear=felt_at
         )
     except TooLittleMotion:
         return _untold(joint, BRIEFLY)
     except InvestigationError as error:
-        raise InvestigationError(f"{joint.name}: {error}") from None
-    moved = "motor" if told.stages else "joint"
-    if advice := of_a_joint(one.next_measurements, moved):
-        one = replace(one, next_measurement=advice if axis.stages else _of_one_body(advice, moved))
-    if as_one_body:
-        return replace(one, extended=as_described(told, one.extended))
-    return one if joint.described else replace(one, findings=tuple(map(_of_the_joint, one.findings)))
+        return replace(_untold(joint, str(error)), verdict="unusable")
+    return replace(one, extended=as_described(joint.axis, one.extended)) if as_one_body else one
 
 
-def in_metres(one: Investigation) -> Investigation:
-    """The investigation of a joint that slides in its units."""
+def _in_its_words(robot: Robot, place: int, one: Investigation) -> Investigation:
+    """The investigation of a joint in its units, and without a motor where none is described."""
+    said = partial(joint_words, robot, place)
+
+    def in_units(estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
+        return tuple(replace(e, unit=said(e.unit)) for e in estimates)
+
     findings = tuple(
-        replace(f, explanation=sliding_words(f.explanation), parameters=tuple(map(_in_metres, f.parameters)))
-        for f in one.findings
+        replace(f, explanation=said(f.explanation), parameters=in_units(f.parameters)) for f in one.findings
     )
-    gain = tuple(replace(g, unit=sliding_words(g.unit)) for g in one.gain)
     return replace(
-        one, findings=findings, parameters=tuple(map(_in_metres, one.parameters)), gain=gain,
-        next_measurement=sliding_words(one.next_measurement),
+        one, findings=findings, parameters=in_units(one.parameters),
+        gain=tuple(replace(g, unit=said(g.unit)) for g in one.gain), next_measurement=said(one.next_measurement),
     )  # fmt: skip
 
 
-def _in_metres(estimate: Estimate) -> Estimate:
-    return replace(estimate, unit=sliding_words(estimate.unit))
-
-
-def _of_the_joint(finding: Finding) -> Finding:
-    """In the words of a joint whose drive is not described: there is no motor that turns otherwise."""
-    words = finding.explanation.replace("at the motor", "at the joint").replace("of the motor", "of the joint")
-    return replace(finding, explanation=words)
-
-
-def _of_one_body(advice: str, moved: str) -> str:
-    """Advice for a joint that is one body: there is no place in it, and no load apart.
-
-    >>> _of_one_body("Reach 2 rad/s of the load. That tells drift from stribeck friction at motor.", "joint")
-    'Reach 2 rad/s of the joint. That tells drift from stribeck friction.'
-    """
-    return advice.replace(" at motor", "").replace(" at load", "").replace("the load", f"the {moved}")
-
-
 def _untold(joint: Joint, why: str) -> Investigation:
-    """A joint that moved too little: it counts in the torques of the others, and nothing is told of its own."""
+    """A joint of which no model is made: it counts in the torques of the others, and nothing is told of its own."""
     return Investigation(
         joint.axis, "nothing_missing", (), None, (), (), "Move this joint, too.", joint.axis, {}, remarks=(why,)
     )
-
-
-def _is_untold(one: Investigation) -> bool:
-    return HELD in one.remarks or BRIEFLY in one.remarks
 
 
 def _counting(telemetry: Telemetry, motion: Motion) -> Telemetry:
@@ -352,21 +282,21 @@ def _of_log(joints: Sequence[JointInvestigation]) -> tuple[list[JointInvestigati
 
     A row that a logger leaves out or repeats, it does so of all joints: what few of them show is chance.
     """
-    moved = [joint for joint in joints if not _is_untold(joint.investigation)]
-    told = [f for joint in moved for f in joint.investigation.findings if _is_of_the_log(f)]
+
+    def is_of_the_log(finding: Finding) -> bool:
+        return finding.mechanism == LostSamples.name and finding.location is None
+
+    examined = [joint.investigation for joint in joints if joint.investigation.selection]
+    lost = [f for one in examined for f in one.findings if is_of_the_log(f)]
     out = []
     for joint in joints:
-        kept = tuple(f for f in joint.investigation.findings if not _is_of_the_log(f))
-        verdict = joint.investigation.verdict
+        one = joint.investigation
+        kept = tuple(f for f in one.findings if not is_of_the_log(f))
+        verdict = one.verdict
         if verdict == "named" and not any(f.probability >= SAID for f in kept):
-            verdict = "unnamed" if joint.investigation.unexplained is not None else "nothing_missing"
-        out.append(replace(joint, investigation=replace(joint.investigation, findings=kept, verdict=verdict)))
-    remarks = [f"The log of all joints: {told[0].explanation}"] if 2 * len(told) > len(moved) else []
-    return out, remarks
-
-
-def _is_of_the_log(finding: Finding) -> bool:
-    return finding.mechanism == LostSamples.name and finding.location is None
+            verdict = "unnamed" if one.unexplained is not None else "nothing_missing"
+        out.append(replace(joint, investigation=replace(one, findings=kept, verdict=verdict)))
+    return out, [f"The log of all joints: {lost[0].explanation}"] if 2 * len(lost) > len(examined) else []
 
 
 def _payload_numbers(robot: Robot, payload: PayloadEstimate) -> tuple[Estimate, ...]:
@@ -392,10 +322,9 @@ def _payload_finding(robot: Robot, logs: Sequence[RobotLog], fits: Sequence[Shar
         payload = shared.payload
         if payload.probability < SAID or payload.mass_kg <= 0.0:
             continue
-        numbers = _payload_numbers(robot, payload)
         whose = f" in {log.name}" if len(logs) > 1 else ""
         return Finding(
-            PAYLOAD, PAYLOAD, payload.probability, numbers, (),
+            PAYLOAD, PAYLOAD, payload.probability, _payload_numbers(robot, payload), (),
             f"{payload.mass_kg:.3g} kg hang at the flange{whose} that the description does not have.",
             action="Look what hangs at the flange. If it belongs there, enter its mass and centre in the "
             "robot's description, and in the controller.",
@@ -412,58 +341,26 @@ def _payload_parameters(robot: Robot, shared: SharedFit) -> tuple[Estimate, ...]
     return tuple(replace(e, name=f"payload.{e.name}", nominal=n) for e, n in zip(numbers, nominal, strict=True))
 
 
-def _earlier_payloads(logs: Sequence[RobotLog], fits: Sequence[SharedFit]) -> list[str]:
-    if len(logs) < 2:
-        return []
-    return [
-        f"{log.name}: {fit.payload.mass_kg:.3g} kg beyond the description hang at the last link, "
-        f"give or take {NINETY * fit.payload.mass_deviation_kg:.2g} kg (90 %)."
-        for log, fit in zip(logs, fits, strict=True)
-    ]
-
-
-def _recognised(logs: Sequence[RobotLog]) -> list[str]:
-    """How logs without a channel map were read, once where it is the same for all."""
-    return [f"The log was read as:\n{text}" for text in dict.fromkeys(log.recognised for log in logs) if text]
-
-
-def _taken_as_held(robot: Robot) -> list[str]:
-    """Joints that are not logged, where robot.toml says that they were."""
-    if not robot.held:
-        return []
-    places = [
-        f"{name} at {at:.4g} {position_key(robot.urdf, name).rpartition('_')[2]}" for name, at in robot.held.items()
-    ]
-    return [f"Not logged, and held still as the robot's description says: {', '.join(places)}."]
-
-
-def _weightless(body: RigidBody) -> list[str]:
-    """Links that move and have no mass, as frames do and as a link has of which the maker says nothing."""
-    names = [name for name, own in zip(body.links, body.parameters, strict=True) if own[0] <= 0.0]
-    if not names:
-        return []
-    return [f"Without a mass in the URDF, and taken to weigh nothing: {', '.join(names)}."]
-
-
-def _mended(robot: Robot) -> list[str]:
-    """Links whose inertia was made one that a body can have."""
-    if not robot.urdf.mended:
-        return []
-    return [
-        "The inertia in the URDF is none that a body can have, and the least that it can have was taken instead, of: "
-        f"{', '.join(robot.urdf.mended)}."
-    ]
-
-
-def _tilt_remarks(shared: SharedFit) -> list[str]:
+def _remarks(robot: Robot, body: RigidBody, logs: Sequence[RobotLog], shared: SharedFit) -> list[str]:
+    """How the log was read, and what of the description was completed, mended or seems to be off."""
+    out = [f"The log was read as:\n{text}" for text in dict.fromkeys(log.recognised for log in logs) if text]
+    if robot.held:
+        places = [f"{name} at {at:.4g} {position_key(robot.urdf, name)[9:]}" for name, at in robot.held.items()]
+        out.append(f"Not logged, and held still as the robot's description says: {', '.join(places)}.")
+    if weightless := [name for name, own in zip(body.links, body.parameters, strict=True) if own[0] <= 0.0]:
+        out.append(f"Without a mass in the URDF, and taken to weigh nothing: {', '.join(weightless)}.")
+    if robot.urdf.mended:
+        out.append(
+            "The inertia in the URDF is none that a body can have, and the least that it can have was taken instead, "
+            f"of: {', '.join(robot.urdf.mended)}."
+        )
     tilt = float(np.linalg.norm(shared.tilt_rad))
-    if tilt < TILT_RAD or not np.any(np.abs(shared.tilt_rad) > TILTED * shared.tilt_deviation_rad):
-        return []
-    degrees = math.degrees(tilt)
-    return [
-        f"Gravity seems to pull {degrees:.2g} degrees off the direction described: the base may stand askew, or masses "
-        "of the links are off in a way that looks like it."
-    ]
+    if tilt >= TILT_RAD and np.any(np.abs(shared.tilt_rad) > TILTED * shared.tilt_deviation_rad):
+        out.append(
+            f"Gravity seems to pull {math.degrees(tilt):.2g} degrees off the direction described: the base may stand "
+            "askew, or masses of the links are off in a way that looks like it."
+        )
+    return out
 
 
 def _next_measurement(joints: Sequence[JointInvestigation], shared: SharedFit) -> str:
@@ -471,16 +368,16 @@ def _next_measurement(joints: Sequence[JointInvestigation], shared: SharedFit) -
     unsure = [j for j in joints if j.investigation.verdict == "unnamed"] or [
         j for j in joints if any(f.probability < 0.9 for f in j.investigation.findings)
     ]
-    left = [(j.name, j.investigation.unexplained) for j in joints if j.investigation.unexplained is not None]
-    if not unsure and 0.05 < shared.payload.probability < 0.9:
+    if unsure:
+        return f"{unsure[0].name}: {unsure[0].investigation.next_measurement}"
+    if 0.05 < shared.payload.probability < 0.9:
         return (
             "Record the same motion once with nothing at the flange: then what hangs there is told by the difference."
         )
-    if not unsure and left:
-        return f"{left[0][0]}: {telling_what_is_left(left[0][1])}"
-    if not unsure:
-        return "No further measurement is needed for what was found; record the same motion again to see what changes."
-    return f"{unsure[0].name}: {unsure[0].investigation.next_measurement}"
+    for joint in joints:
+        if joint.investigation.unexplained is not None:
+            return f"{joint.name}: {telling_what_is_left(joint.investigation.unexplained)}"
+    return "No further measurement is needed for what was found; record the same motion again to see what changes."
 
 
 def _provenance(robot: Robot, logs: Sequence[RobotLog], shared: SharedFit) -> dict[str, object]:

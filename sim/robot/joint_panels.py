@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,20 +14,15 @@ from sim.discrepancy.report.formatting import named
 from sim.discrepancy.report.panels import AS_DESCRIBED, EXTENDED, MEASURED, RIGID, Panel
 from sim.discrepancy.report.residual_panels import channels
 from sim.discrepancy.results import SAID
+from sim.robot.joint_words import joint_words
 from sim.robot.results import RobotInvestigation
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Robot, slides
-from sim.robot.sliding import sliding_words
 
 Array = NDArray[np.float64]
 
 REST = "left by the last"
 MOST_ROWS = 1000  # of a plot
-OF_THE_JOINT = {
-    "of the motor": "of the joint", "of motor": "of the joint", "of load": "of the joint",
-    "motor torque": "torque of the joint", "motor ahead": "joint ahead",
-}  # fmt: skip
-"""Words for a joint of which nothing is described that turns otherwise."""
 
 
 def torque_panels(result: RobotInvestigation) -> list[Panel]:
@@ -81,27 +77,18 @@ def finding_panels(result: RobotInvestigation) -> list[Panel | None]:
             continue
         panel = shown[place, finding.mechanism, finding.location]
         if panel is not None:
-            title = f"{named(finding.mechanism, located.place)}: {panel.title.rpartition(': ')[2]}"
-            panel = in_words_of(result.robot, place, replace(panel, title=f"{title[:1].upper()}{title[1:]}"))
+            panel = _in_its_words(result.robot, place, replace(panel, title=panel.title.rpartition(": ")[2]))
+            title = f"{named(finding.mechanism, located.place)}: {panel.title}"
+            panel = replace(panel, title=f"{title[:1].upper()}{title[1:]}")
         out.append(panel)
     return out
 
 
-def in_words_of(robot: Robot, place: int, panel: Panel) -> Panel:
+def _in_its_words(robot: Robot, place: int, panel: Panel) -> Panel:
     """A panel with the units of a joint that slides, and without a motor where none is described."""
-    joint = robot.joints[place]
-    words = {} if joint.described else OF_THE_JOINT
-    in_units = sliding_words if slides(robot, place) else str
+    said = partial(joint_words, robot, place)
     x = panel.x * math.radians(1.0) if slides(robot, place) and "[°]" in panel.x_label else panel.x
-    start, between, what = panel.title.rpartition(": ")
-    x_label, y_label, what = (in_units(_replaced(text, words)) for text in (panel.x_label, panel.y_label, what))
-    return replace(panel, title=f"{start}{between}{what}", x=x, x_label=x_label, y_label=y_label)
-
-
-def _replaced(text: str, words: dict[str, str]) -> str:
-    for before, after in words.items():
-        text = text.replace(before, after)
-    return text
+    return replace(panel, title=said(panel.title), x=x, x_label=said(panel.x_label), y_label=said(panel.y_label))
 
 
 def _of_payload(result: RobotInvestigation) -> Panel | None:

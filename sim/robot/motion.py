@@ -62,7 +62,8 @@ class Motion:
         stride = max(1, int(rate / (ROWS_PER_CUT * cut)))
         out: list[list[Array]] = []
         for joint, telemetry in zip(robot.joints, log, strict=True):
-            torque, position = _channels(robot, joint.name, telemetry, joint.axis.ratio)
+            position = _position(joint.name, telemetry, joint.axis.ratio)
+            torque = telemetry.channels.get("motor_torque_nm", np.zeros(telemetry.rows))
             _check_range(robot, joint.name, position)
             even = np.interp(grid, telemetry.time_s, position)
             ways = [smoothed(even, cut, rate, order)[::stride] for order in range(3)]
@@ -80,10 +81,14 @@ class Motion:
         moves = np.ptp(position[counts], axis=0) > np.array(held)
         if not moves.any():
             raise InvestigationError("motor_position_rad: no joint moves; a log of the robot in motion is needed")
-        return Motion(
-            grid[::stride], rate / stride, position, speed, acceleration, torque, counts, moves, cut,
-            frozenset(k for k, telemetry in enumerate(log) if "motor_torque_nm" not in telemetry),
-        )  # fmt: skip
+        dead = [k for k, one in enumerate(log) if not np.ptp(one.channels.get("motor_torque_nm", np.zeros(1)))]
+        motion = Motion(grid[::stride], rate / stride, position, speed, acceleration, torque, counts, moves, cut)
+        return motion.without_torque(frozenset(dead))
+
+    def at(self, rows: NDArray[np.int64]) -> Motion:
+        """These rows alone."""
+        names = ("time_s", "position", "speed", "acceleration", "torque", "counts")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def with_earlier_torque(self, joint: int, by_s: float) -> Motion:
         """The same with the torque of one joint so much earlier."""
@@ -110,27 +115,22 @@ def _measured(log: Sequence[Telemetry], grid: Array, short_s: float, kernel: int
 
     out = np.ones(grid.size, dtype=np.bool_)
     for telemetry in log:
-        there = np.ones(telemetry.rows, dtype=np.bool_)
-        for lost in telemetry.lost.values():
-            there &= ~lost
+        there = ~np.any([np.zeros(telemetry.rows, dtype=np.bool_), *telemetry.lost.values()], axis=0)
         times = telemetry.time_s[there]
-        after = np.searchsorted(times, grid - 1e-9)
-        inside = (after > 0) & (after < times.size)
-        near = np.clip(after, 1, times.size - 1)
-        at = np.abs(grid - times[np.clip(after, 0, times.size - 1)]) < 1e-6
-        out &= at | (inside & (times[near] - times[near - 1] <= 1.5 * short_s))
+        after = np.clip(np.searchsorted(times, grid - 1e-9), 1, times.size - 1)
+        out &= (times[after] - times[after - 1] <= 1.5 * short_s) & (grid > times[0] - 1e-9) & (grid < times[-1] + 1e-9)
     return np.asarray(minimum_filter1d(out, kernel, mode="constant", cval=0), dtype=np.bool_)
 
 
-def _channels(robot: Robot, name: str, telemetry: Telemetry, ratio: float) -> tuple[Array, Array]:
-    torque = telemetry["motor_torque_nm"] if "motor_torque_nm" in telemetry else np.zeros(telemetry.rows)
+def _position(name: str, telemetry: Telemetry, ratio: float) -> Array:
+    """Of the joint [rad], shape (rows,)."""
     if "load_position_rad" in telemetry:
-        return torque, telemetry["load_position_rad"]
+        return telemetry["load_position_rad"]
     if "motor_position_rad" not in telemetry:
         raise InvestigationError(
             f"{name}: needs motor_position_rad (or load_position_rad): gravity depends on where the joints are"
         )
-    return torque, telemetry["motor_position_rad"] / ratio
+    return np.asarray(telemetry["motor_position_rad"] / ratio)
 
 
 def _check_range(robot: Robot, name: str, position: Array) -> None:

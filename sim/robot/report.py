@@ -1,4 +1,3 @@
-# ruff: noqa: E501
 """One HTML file of a robot: what was found, a table of all joints, then each joint's story.
 
 `robot_story` is the same for a page that draws by itself.
@@ -12,8 +11,8 @@ from dataclasses import replace
 
 from sim.discrepancy.report.box import FLANGE, box_of_robot, is_shown, rests_of_robot
 from sim.discrepancy.report.drawing import svg
-from sim.discrepancy.report.formatting import likely, named, number, words_of
-from sim.discrepancy.report.html import STYLE, drawn_box, estimate_cells, html_report, table
+from sim.discrepancy.report.formatting import likely, named, number
+from sim.discrepancy.report.html import STYLE, drawn_box, html_report, table
 from sim.discrepancy.report.joint_html import FOLD, STYLES, WIDTH, body_of
 from sim.discrepancy.report.panels import Panel
 from sim.discrepancy.results import SAID, Finding, Investigation
@@ -96,7 +95,6 @@ def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
             ),
             *(f"<p>{html.escape(remark)}</p>" for remark in result.remarks),
             "<h2>The joints</h2>", _joints(result),
-            *_frictions(result),
             "<h2>Torque of each joint</h2>", f'<p class="quiet">{TORQUES}</p>',
             '<div class="plots">', *(svg(p) for p in torque_panels(result)), "</div>",
             "<h2>Each joint by itself</h2>", *stories,
@@ -137,25 +135,6 @@ def _findings(result: RobotInvestigation) -> list[tuple[str, Finding]]:
     """Where, and what; the likeliest first, friction that nearly every robot lacks last."""
     out = [(FLANGE if one.joint is None else one.place, one.finding) for one in result.findings()]
     return sorted(out, key=lambda one: is_in_every_axis(one[1].mechanism))
-
-
-def _frictions(result: RobotInvestigation) -> Iterable[str]:
-    """Friction that nearly every description lacks: of all joints in one table."""
-    usual = [(place, f) for place, f in _findings(result) if is_in_every_axis(f.mechanism)]
-    if usual:
-        order = {joint.name: k for k, joint in enumerate(result.joints)}
-        usual.sort(key=lambda one: order.get(one[0], len(order)))
-        frictions: list[Sequence[str]] = [
-            (
-                place,
-                words_of(f.mechanism),
-                *estimate_cells(f.parameters[0]),
-                likely(f.probability, calibrated=f.calibrated),
-            )
-            for place, f in usual
-        ]
-        yield "<h2>Friction that the description does not have</h2><p>As felt at each joint, or at its motor where its drive is described. Nearly no description has it.</p>"
-        yield table(("joint", "friction", "value", "90 % interval", "unit", "how sure"), frictions, (2, 3))
 
 
 def _joints(result: RobotInvestigation) -> str:

@@ -143,11 +143,7 @@ class RigidBody:
             self.model.opt.gravity[:] = described
 
     def torque(self, position: Array, speed: Array, acceleration: Array) -> Array:
-        """Torques of the rigid robot as described, shape (rows, joints) [N m]."""
-        return np.asarray(np.einsum("njbp,bp->nj", self.regressor(position, speed, acceleration), self.parameters))
-
-    def torque_of(self, position: Array, speed: Array, acceleration: Array) -> Array:
-        """The same by MuJoCo's inverse dynamics in one piece: for many short motions."""
+        """Torques of the rigid robot as described, by MuJoCo in one piece, shape (rows, joints) [N m]."""
         import mujoco
 
         data, columns = self._data(), list(self.columns)

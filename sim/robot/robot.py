@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -123,33 +123,35 @@ def robot_of(document: Mapping[str, object], urdf: bytes, axis_of: Any) -> Robot
     return Robot(name, links, joints, gravity, _payload(document.get("payload", {})), held, dict(document))
 
 
-def _joints(value: object, links: Urdf, axis_of: Any) -> tuple[Joint, ...]:
-    if not isinstance(value, list | tuple) or not value:
+def _tables(path: str, value: object, links: Urdf, would_be: str) -> Iterator[tuple[str, str, Mapping[str, object]]]:
+    """Path, joint and table of each entry of a list of tables that name joints."""
+    if not isinstance(value, list | tuple):
         raise RobotError(
-            'joints: missing; write [[joints]] with name = "..." for each logged joint, in the log\'s order'
+            f"{path}: {'missing' if value is None else 'must be tables'}; write [[{path}]] with {would_be}"
         )
     if len(value) > MOST_JOINTS:
-        raise RobotError(f"joints: {len(value)} tables; a robot has {MOST_JOINTS} at most")
-    out: list[Joint] = []
+        raise RobotError(f"{path}: {len(value)} tables; a robot has {MOST_JOINTS} at most")
     for k, table in enumerate(value):
         if not isinstance(table, Mapping):
-            raise RobotError(f"joints[{k}]: must be a table, got {shown(table)}")
-        _refuse_unknown(f"joints[{k}].", table, ("name", "axis"))
-        name = _moving(f"joints[{k}].name", table.get("name"), links)
-        if any(name == joint.name for joint in out):
+            raise RobotError(f"{path}[{k}]: must be a table, got {shown(table)}")
+        name = table.get("name")
+        if not isinstance(name, str) or name not in links.moving:
             raise RobotError(
-                f"joints[{k}].name: {shown(name)} stands twice; each logged joint once, in the log's order"
+                f"{path}[{k}].name: {shown(name)} is no joint that moves in the URDF; there are "
+                f"{', '.join(links.moving)}"
             )
-        out.append(_joint(name, table.get("axis"), f"joints[{k}].axis", axis_of))
-    return tuple(out)
+        yield f"{path}[{k}]", name, table
 
 
-def _moving(path: str, name: object, links: Urdf) -> str:
-    if not isinstance(name, str) or name not in links.moving:
-        raise RobotError(
-            f"{path}: {shown(name)} is no joint that moves in the URDF; there are {', '.join(links.moving)}"
-        )
-    return name
+def _joints(value: object, links: Urdf, axis_of: Any) -> tuple[Joint, ...]:
+    out: dict[str, Joint] = {}
+    would_be = 'name = "..." for each logged joint, in the log\'s order'
+    for path, name, table in _tables("joints", value or None, links, would_be):
+        _refuse_unknown(f"{path}.", table, ("name", "axis"))
+        if name in out:
+            raise RobotError(f"{path}.name: {shown(name)} stands twice; each logged joint once, in the log's order")
+        out[name] = _joint(name, table.get("axis"), f"{path}.axis", axis_of)
+    return tuple(out.values())
 
 
 def position_key(links: Urdf, joint: str) -> str:
@@ -159,16 +161,9 @@ def position_key(links: Urdf, joint: str) -> str:
 
 def _held(value: object, links: Urdf, logged: Sequence[str]) -> dict[str, float]:
     """Where joints that are not logged were held."""
-    if not isinstance(value, list | tuple):
-        raise RobotError(
-            'held: must be tables; write [[held]] with name = "..." and position_rad = ... for each joint that was held'
-        )
     out: dict[str, float] = {}
-    for k, table in enumerate(value):
-        path = f"held[{k}]"
-        if not isinstance(table, Mapping):
-            raise RobotError(f"{path}: must be a table, got {shown(table)}")
-        name = _moving(f"{path}.name", table.get("name"), links)
+    would_be = 'name = "..." and position_rad = ... for each joint that was held'
+    for path, name, table in _tables("held", value, links, would_be):
         if name in logged or name in out:
             where = "under [[joints]], where the log says how it moves" if name in logged else "twice"
             raise RobotError(f"{path}.name: {shown(name)} stands {where}; each joint once")
@@ -176,11 +171,15 @@ def _held(value: object, links: Urdf, logged: Sequence[str]) -> dict[str, float]
         _refuse_unknown(f"{path}.", table, ("name", key))
         if key not in table:
             raise RobotError(f"{path}.{key}: missing; where {name} was held, by the zero of the URDF")
-        try:
-            out[name] = number(key, table[key], key.rpartition("_")[2], at_least=-1e3, at_most=1e3)
-        except ParameterError as error:
-            raise RobotError(f"{path}.{error}") from None
+        out[name] = _number(f"{path}.{key}", table[key], key.rpartition("_")[2], -1e3, 1e3)
     return out
+
+
+def _number(path: str, value: object, unit: str, least: float, most: float) -> float:
+    try:
+        return number(path, value, unit, at_least=least, at_most=most)
+    except ParameterError as error:
+        raise RobotError(str(error)) from None
 
 
 def _joint(name: str, source: object, path: str, axis_of: Any) -> Joint:
@@ -199,20 +198,14 @@ def _payload(value: object) -> Payload:
     if not isinstance(value, Mapping):
         raise RobotError(f"payload: must be a table, got {shown(value)}")
     _refuse_unknown("payload.", value, tuple(f.name for f in fields(Payload)))
-    try:
-        mass = number("mass_kg", value.get("mass_kg", 0.0), "kg", at_least=0.0, at_most=1e5)
-    except ParameterError as error:
-        raise RobotError(f"payload.{error}") from None
+    mass = _number("payload.mass_kg", value.get("mass_kg", 0.0), "kg", 0.0, 1e5)
     return Payload(mass, _vector("payload.center_m", value.get("center_m", (0.0, 0.0, 0.0)), 100.0, "m"))
 
 
 def _vector(path: str, value: object, most: float, unit: str) -> Vector:
     if not isinstance(value, list | tuple) or len(value) != 3:
         raise RobotError(f"{path}: must be three numbers in {unit}, such as [0.0, 0.0, 0.0], got {shown(value)}")
-    try:
-        x, y, z = (number(f"{path}[{k}]", v, unit, at_least=-most, at_most=most) for k, v in enumerate(value))
-    except ParameterError as error:
-        raise RobotError(str(error)) from None
+    x, y, z = (_number(f"{path}[{k}]", v, unit, -most, most) for k, v in enumerate(value))
     return x, y, z
 
 

@@ -44,7 +44,8 @@ TURNS = (0.01, 0.03, 0.1)  # of the largest speed, over which friction may turn 
 WAYS = (2e-4, 1e-3, 5e-3)  # rad or m of a joint, over which friction may build up after a reversal
 FINE = 8  # rows of a law of friction per row: it turns within one, and is smoothed as the torque was
 RESTING = 0.005  # of the largest speed, below which friction is whatever holds
-AGAINST = 0.5  # of the prior: a payload of which data say no more than this stays among what may be wrong
+NOTHING = 1e12  # precision of what is known to be 0
+AGAINST = 0.5  # of the prior: a log of which data say no more than this says what the links are without a payload
 PRIOR = 0.1  # that something hangs at the flange that nobody described
 LEAST_NOISE = 2e-3  # of the torque: no drive measures better
 
@@ -138,37 +139,21 @@ class _Columns:
         return replace(self, values=values)
 
 
-@dataclass(frozen=True)
-class Shared:
-    """All that joints share, along a motion of the robot as described.
-
-    `values`: torque per standard deviation of each number's prior, shape (rows, joints, n); the last are the delay of
-    the log and ten of its payload, mass and first moments ahead. `rigid`: torque of the links [N m], shape (rows,
-    joints).
-    """
-
-    values: Array
-    rigid: Array
-
-
-def shared_columns(robot: Robot, body: RigidBody, motion: Motion) -> Shared:
-    """What the torques of all joints hang on, along a motion."""
+def shared_columns(robot: Robot, body: RigidBody, motion: Motion) -> Array:
+    """Torque of all joints per standard deviation of all that they share, the payload's ten numbers last; shape (rows,
+    joints, n)."""
     regressor = body.regressor(motion.position, motion.speed, motion.acceleration)
     columns = _columns(robot, body, motion, regressor)
-    around = columns.around(body, np.zeros(columns.values.shape[-1]))
-    return Shared(around.values, np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters)))
+    return columns.around(body, np.zeros(columns.values.shape[-1])).values
 
 
 def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tuple[SharedFit, ...]:
     """Fit what the joints share over all logs: links, drives and base are the same in them, payloads may not be."""
-    logs = [_Log.of(robot, body, motion) for motion in motions]
-    every = _Normal.of(logs)
-    payloads = every.payloads()
-    hung = [found.probability >= AGAINST * PRIOR for found in payloads]
-    empty = [place[log.columns.payload] for log, place, one in zip(logs, every.places, hung, strict=True) if not one]
-    normal = every.with_zero(np.concatenate(empty)) if empty else every
-    beside = normal.payloads()
-    return tuple(_shared(normal, k, beside[k] if one else payloads[k]) for k, one in enumerate(hung))
+    every = _Normal.of([_Log.of(robot, body, motion) for motion in motions])
+    hung = [every.payload(k) for k in range(len(motions))]
+    empty = [k for k, one in enumerate(hung) if one.probability < AGAINST * PRIOR]
+    normal = every.without_payload(empty)
+    return tuple(_shared(normal, k, one if k in empty else normal.payload(k)) for k, one in enumerate(hung))
 
 
 @dataclass(frozen=True)
@@ -247,13 +232,12 @@ def _beyond(friction: Array, columns: Array, torque: Array, mean: Array, rate_hz
 
 @dataclass(frozen=True)
 class _Normal:
-    """Normal equations of all logs; `places`: of each log's columns; `kept`: numbers that are not 0."""
+    """Normal equations of all logs; `places`: of each log's columns."""
 
     logs: Sequence[_Log]
     places: Sequence[NDArray[np.int64]]
     precision: Array
     right: Array
-    kept: NDArray[np.int64]
 
     @staticmethod
     def of(logs: Sequence[_Log]) -> _Normal:
@@ -264,11 +248,15 @@ class _Normal:
         for log, place in zip(logs, places, strict=True):
             precision[np.ix_(place, place)] += sum(log.grams)
             right[place] += sum(log.moments)
-        return _Normal(logs, places, precision, right, np.arange(size))
+        return _Normal(logs, places, precision, right)
 
-    def with_zero(self, numbers: NDArray[np.int64]) -> _Normal:
-        """The same where these numbers are 0."""
-        return replace(self, kept=np.setdiff1d(self.kept, numbers))
+    def without_payload(self, empty: Sequence[int]) -> _Normal:
+        """The same where nothing hangs in these logs."""
+        precision = self.precision.copy()
+        for k in empty:
+            hung = self.places[k][self.logs[k].columns.payload]
+            precision[hung, hung] += NOTHING
+        return replace(self, precision=precision)
 
     def without(self, *groups: tuple[int, Array, Array]) -> _Normal:
         """The same without groups of rows: of which log each is, its part of the matrix and of the right side."""
@@ -284,17 +272,12 @@ class _Normal:
 
     @cached_property
     def mean(self) -> Array:
-        out = np.zeros(self.right.size)
-        out[self.kept] = np.linalg.solve(self.precision[np.ix_(self.kept, self.kept)], self.right[self.kept])
-        return out
+        return np.asarray(np.linalg.solve(self.precision, self.right))
 
     @cached_property
     def covariance(self) -> Array:
         """If what is left were noise."""
-        out = np.zeros_like(self.precision)
-        inside = np.ix_(self.kept, self.kept)
-        out[inside] = np.linalg.inv(self.precision[inside])
-        return out
+        return np.asarray(np.linalg.inv(self.precision))
 
     @cached_property
     def scatter(self) -> Array:
@@ -306,10 +289,15 @@ class _Normal:
             [(m - m.mean(axis=0)) * math.sqrt(1.0 - 1.0 / len(m)) for m in (np.stack(joints), np.stack(blocks))]
         )
 
-    def payloads(self) -> list[PayloadEstimate]:
-        """What hangs in each log."""
-        spread = self.covariance + self.scatter.T @ self.scatter
-        return [_payload(log.columns, self.mean, spread, at) for log, at in zip(self.logs, self.places, strict=True)]
+    def payload(self, k: int) -> PayloadEstimate:
+        """What hangs in a log."""
+        place = self.places[k]
+        return _payload(self.logs[k].columns, self.mean[place], self.spread[np.ix_(place, place)])
+
+    @property
+    def spread(self) -> Array:
+        """Covariance, with what no noise explains."""
+        return self.covariance + self.scatter.T @ self.scatter
 
 
 def _shared(normal: _Normal, k: int, payload: PayloadEstimate) -> SharedFit:
@@ -321,16 +309,13 @@ def _shared(normal: _Normal, k: int, payload: PayloadEstimate) -> SharedFit:
         others = normal.without_joint(joint)
         own = columns.values[:, joint]
         known[:, joint] += own @ others.mean[place]
-        wrong = np.linalg.cholesky(others.covariance[np.ix_(normal.kept, normal.kept)])
-        ways = np.zeros((normal.right.size, wrong.shape[1]))
-        ways[normal.kept] = wrong
-        ways = np.hstack([ways, np.delete(normal.scatter, joint, axis=0).T])
+        ways = np.hstack([np.linalg.cholesky(others.covariance), np.delete(normal.scatter, joint, axis=0).T])
         speed = motion.speed[:, joint]
         losses = LOAD_LOSS * np.tanh(speed / max(TURNS[1] * float(np.abs(speed).max()), 1e-12))
         load = np.abs(rigid[:, joint])
         errors.append(np.column_stack([_few(own @ ways[place]), losses * (load - load[motion.counts].mean())]))
-    mean, spread = normal.mean[place], normal.covariance + normal.scatter.T @ normal.scatter
-    deviation = np.sqrt(np.diag(spread))[place][columns.tilt] * TILT_RAD
+    mean, spread = normal.mean[place], normal.spread[np.ix_(place, place)]
+    deviation = np.sqrt(np.diag(spread))[columns.tilt] * TILT_RAD
     return SharedFit(
         motion, rigid, known, tuple(errors), payload, mean[columns.tilt] * TILT_RAD, deviation,
         float(mean[columns.late][0]) * LATE_S, tuple(_late(normal, k, joint) for joint in range(rigid.shape[1])),
@@ -466,13 +451,13 @@ def built_up(position: Array, way: float) -> Array:
     return out
 
 
-def _payload(columns: _Columns, mean: Array, covariance: Array, place: NDArray[np.int64]) -> PayloadEstimate:
+def _payload(columns: _Columns, mean: Array, covariance: Array) -> PayloadEstimate:
     """A payload against none, by the ratio of the densities of its mass and first moments at 0 (Dickey 1971).
 
     Its place may tell of it more than its weight does, which errors of all links share. None weighs less than nothing.
     What all drives tell too little or too much of torque, and what gears lose, it weighs too little or too much.
     """
-    own = place[columns.payload][:4]
+    own = np.arange(mean.size)[columns.payload][:4]
     scale = columns.scale[:4]
     spread = covariance[np.ix_(own, own)] + np.outer(mean[own], mean[own]) * (GAIN_ERROR**2 + LOAD_LOSS**2)
     spread = 0.5 * (spread + spread.T)

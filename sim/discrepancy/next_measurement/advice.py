@@ -98,25 +98,6 @@ def in_words(told: Sequence[MeasurementUtility]) -> str:
     return f"{doing} By simulation, with all numbers fitted, an axis {shows}. {_clearer(best)}"
 
 
-def of_a_joint(told: Sequence[MeasurementUtility], moved: str) -> str:
-    """The same for one joint of a robot; `moved`: what its numbers are of, the joint or its motor."""
-    if not told or told[0].separation < SEPARATES:
-        return ""
-    best, difference = told[0], told[0].difference
-    more, less = best.between if difference.more >= 0 else best.between[::-1]
-    above = f"between {number(difference.low)} and" if difference.low else "below"
-    size = f"{number(difference.torque_n_m)} N m"
-    where = f"{above} {number(difference.high)} rad/s of the {moved}"
-    if NOTHING in (more, less):
-        cause, than = (more, "more") if less == NOTHING else (less, "less")
-        what, seen = f"whether there is {cause}", f"If so, the {moved} needs {size} {than} torque {where}"
-    else:
-        what, seen = f"{more} from {less}", f"With {more} the {moved} needs {size} more torque {where}"
-    if not difference.more:
-        seen = f"The two differ by {size} {where}"
-    return f"{best.text}, and log it. That tells {what}. {seen}."
-
-
 def _with(name: str) -> str:
     return "without it" if name == NOTHING else f"with {name}"
 

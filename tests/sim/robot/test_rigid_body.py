@@ -35,7 +35,7 @@ def test_regressor_in_one_piece_and_newton_euler_agree(slides: tuple[int, ...]) 
     body = RigidBody.of(robot(links))
     expected = torque(links, *motion(4))
     np.testing.assert_allclose(body.torque(*motion(4)), expected, atol=1e-9)
-    np.testing.assert_allclose(body.torque_of(*motion(4)), expected, atol=1e-9)
+    np.testing.assert_allclose(body.torque(*motion(4)), expected, atol=1e-9)
 
 
 def test_two_links_are_the_textbook_s() -> None:
@@ -79,7 +79,7 @@ def test_a_described_payload_is_a_point_at_the_last_link() -> None:
     body = RigidBody.of(robot(links, payload=Payload(1.5, center)))
     expected = torque(with_mass(links, 1.5, np.array(center)), *motion(3))
     np.testing.assert_allclose(body.torque(*motion(3)), expected, atol=1e-6)
-    np.testing.assert_allclose(body.torque_of(*motion(3)), expected, atol=1e-6)
+    np.testing.assert_allclose(body.torque(*motion(3)), expected, atol=1e-6)
 
 
 def test_what_is_fixed_to_a_link_counts_into_it() -> None:
@@ -101,7 +101,7 @@ def test_stops_of_joints_ask_for_no_torque() -> None:
     links = two_links()
     q, qd, qdd = motion(2)
     np.testing.assert_allclose(
-        RigidBody.of(robot(links)).torque_of(q + 7.0, qd, qdd), torque(links, q + 7.0, qd, qdd), atol=1e-9
+        RigidBody.of(robot(links)).torque(q + 7.0, qd, qdd), torque(links, q + 7.0, qd, qdd), atol=1e-9
     )
 
 
@@ -128,7 +128,7 @@ def test_an_unlogged_joint_stands_where_it_is_held() -> None:
     body, logged = RigidBody.of(some), (q[:, [0, 2]], qd[:, [0, 2]], qdd[:, [0, 2]])
     expected = torque(links, q + np.array([0.0, 0.7, 0.0]), qd, qdd)[:, [0, 2]]
     np.testing.assert_allclose(body.torque(*logged), expected, atol=1e-9)
-    np.testing.assert_allclose(body.torque_of(*logged), expected, atol=1e-9)
+    np.testing.assert_allclose(body.torque(*logged), expected, atol=1e-9)
 
 
 TREE = (

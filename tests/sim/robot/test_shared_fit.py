@@ -143,10 +143,9 @@ def test_what_hangs_is_told_by_its_place_where_its_weight_is_not() -> None:
     """Eight deviations of a first moment beside one and a half of a mass; nothing; and a weight below nothing."""
     columns = cast(Any, SimpleNamespace(payload=slice(0, 10), scale=np.ones(10)))
     covariance = np.diag([0.1, 0.02, 0.02, 0.02] + 6 * [1.0]) ** 2
-    place = np.arange(10)
 
     def likely(*first: float) -> float:
-        return _payload(columns, np.array([*first, *np.zeros(6)]), covariance, place).probability
+        return _payload(columns, np.array([*first, *np.zeros(6)]), covariance).probability
 
     assert likely(0.15, 0.0, 0.0, 0.16) > 0.9
     assert likely(0.0, 0.0, 0.0, 0.0) < 1e-3
