@@ -85,25 +85,22 @@ def task(request: Mapping[str, Any], _: Mapping[str, float], send: Send) -> dict
 
 
 def _with_axes(document: dict[str, object], axes: Mapping[str, Mapping[str, object]]) -> dict[str, object]:
-    joints, used = document.get("joints"), set()
-    if not isinstance(joints, list):
-        joints = []
-    placed = []
-    for k, joint in enumerate(joints):
-        source = joint.get("axis") if isinstance(joint, dict) else None
-        if isinstance(source, str):
-            name = PurePosixPath(source.replace("\\", "/")).name
-            if name not in axes:
-                raise RobotError(
-                    f"joints[{k}].axis: names the file {name!r}; send it as a further part 'axis', or write the axis "
-                    f"itself there, as a table; files that came: {', '.join(axes) or 'none'}"
-                )
-            used.add(name)
-            joint = {**joint, "axis": axes[name]}
-        placed.append(joint)
-    idle = [name for name in axes if name not in used]
-    if idle:
+    joints = document.get("joints")
+    given = joints if isinstance(joints, list) else []
+    names = {
+        k: PurePosixPath(joint["axis"].replace("\\", "/")).name
+        for k, joint in enumerate(given)
+        if isinstance(joint, dict) and isinstance(joint.get("axis"), str)
+    }
+    for k, name in names.items():
+        if name not in axes:
+            raise RobotError(
+                f"joints[{k}].axis: names the file {name!r}; send it as a further part 'axis', or write the axis "
+                f"itself there, as a table; files that came: {', '.join(axes) or 'none'}"
+            )
+    if idle := [name for name in axes if name not in names.values()]:
         raise RobotError(f"axis: no joint of the robot names the file {idle[0]!r}; write axis = {json.dumps(idle[0])}")
+    placed = [{**joint, "axis": axes[names[k]]} if k in names else joint for k, joint in enumerate(given)]
     return {**document, "joints": placed} if placed else document
 
 

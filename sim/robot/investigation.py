@@ -22,13 +22,12 @@ from sim.discrepancy.model.one_body import as_described, at_the_motor, is_one_bo
 from sim.discrepancy.report.wording import telling_what_is_left
 from sim.discrepancy.results import SAID, Estimate, Finding, Investigation
 from sim.discrepancy.unexplained import rounded
-from sim.mechanisms import LostSamples, TimeDelay
-from sim.robot.joint_words import joint_words
+from sim.mechanisms import TimeDelay
 from sim.robot.motion import Motion
 from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
-from sim.robot.robot import Joint, Robot, position_key
+from sim.robot.robot import Joint, Robot, joint_words, position_key
 from sim.robot.shared_fit import TILT_RAD, Late, PayloadEstimate, SharedFit, shared_fits
 
 Progress = Callable[[str, float], None]
@@ -98,8 +97,7 @@ def investigate_robot(
     if not any(joint.investigation.selection for joint in joints):
         reasons = "; ".join(f"{joint.name}: {joint.investigation.remarks[0]}" for joint in joints)
         raise InvestigationError(f"telemetry: no joint can be examined. {reasons}")
-    joints, of_the_log = _of_log(joints)
-    payload = _payload_finding(robot, logs, fits)
+    payload = _payload_finding(robot, shared.payload)
     found = [f for joint in joints for f in joint.investigation.findings] + ([] if payload is None else [payload])
     rest = any(joint.investigation.unexplained is not None for joint in joints)
     verdict = "named" if any(f.probability >= SAID for f in found) else "unnamed" if rest else "nothing_missing"
@@ -107,7 +105,7 @@ def investigate_robot(
     return RobotInvestigation(
         robot, verdict, payload, tuple(joints), shared, _payload_parameters(robot, shared),
         _next_measurement(joints, shared), _provenance(robot, logs, shared),
-        (*_remarks(robot, body, logs, shared), *of_the_log),
+        tuple(_remarks(robot, body, logs, shared)),
     )  # fmt: skip
 
 
@@ -277,28 +275,6 @@ def _counting(telemetry: Telemetry, motion: Motion) -> Telemetry:
     )
 
 
-def _of_log(joints: Sequence[JointInvestigation]) -> tuple[list[JointInvestigation], list[str]]:
-    """Joints without faults of the log, and a remark for each that most joints show.
-
-    A row that a logger leaves out or repeats, it does so of all joints: what few of them show is chance.
-    """
-
-    def is_of_the_log(finding: Finding) -> bool:
-        return finding.mechanism == LostSamples.name and finding.location is None
-
-    examined = [joint.investigation for joint in joints if joint.investigation.selection]
-    lost = [f for one in examined for f in one.findings if is_of_the_log(f)]
-    out = []
-    for joint in joints:
-        one = joint.investigation
-        kept = tuple(f for f in one.findings if not is_of_the_log(f))
-        verdict = one.verdict
-        if verdict == "named" and not any(f.probability >= SAID for f in kept):
-            verdict = "unnamed" if one.unexplained is not None else "nothing_missing"
-        out.append(replace(joint, investigation=replace(one, findings=kept, verdict=verdict)))
-    return out, [f"The log of all joints: {lost[0].explanation}"] if 2 * len(lost) > len(examined) else []
-
-
 def _payload_numbers(robot: Robot, payload: PayloadEstimate) -> tuple[Estimate, ...]:
     """Mass and centre of all that hangs, with intervals of 90 %."""
     described, at = robot.payload.mass_kg, np.array(robot.payload.center_m)
@@ -314,22 +290,16 @@ def _payload_numbers(robot: Robot, payload: PayloadEstimate) -> tuple[Estimate, 
     return tuple(out)
 
 
-def _payload_finding(robot: Robot, logs: Sequence[RobotLog], fits: Sequence[SharedFit]) -> Finding | None:
-    """A payload that the description lacks, in the last log that has one."""
-    if robot.payload.mass_kg:
+def _payload_finding(robot: Robot, payload: PayloadEstimate) -> Finding | None:
+    """A payload that the description lacks."""
+    if robot.payload.mass_kg or payload.probability < SAID or payload.mass_kg <= 0.0:
         return None
-    for log, shared in reversed(list(zip(logs, fits, strict=True))):
-        payload = shared.payload
-        if payload.probability < SAID or payload.mass_kg <= 0.0:
-            continue
-        whose = f" in {log.name}" if len(logs) > 1 else ""
-        return Finding(
-            PAYLOAD, PAYLOAD, payload.probability, _payload_numbers(robot, payload), (),
-            f"{payload.mass_kg:.3g} kg hang at the flange{whose} that the description does not have.",
-            action="Look what hangs at the flange. If it belongs there, enter its mass and centre in the "
-            "robot's description, and in the controller.",
-        )  # fmt: skip
-    return None
+    return Finding(
+        PAYLOAD, PAYLOAD, payload.probability, _payload_numbers(robot, payload), (),
+        f"{payload.mass_kg:.3g} kg hang at the flange that the description does not have.",
+        action="Look what hangs at the flange. If it belongs there, enter its mass and centre in the robot's "
+        "description, and in the controller.",
+    )  # fmt: skip
 
 
 def _payload_parameters(robot: Robot, shared: SharedFit) -> tuple[Estimate, ...]:

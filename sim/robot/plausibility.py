@@ -161,8 +161,6 @@ def _gravity(
     """Gravity that fits best, of the described size, where it pulls far off the direction described."""
     g = np.array(robot.gravity_m_s2)
     size = float(np.linalg.norm(g))
-    if size == 0.0:
-        return
     ways = [body.at_rest(motion.position, way) for way in np.eye(3)]
     weights = np.stack([np.einsum("njbp,bp->nj", way, body.parameters) for way in ways], axis=-1)
     beyond = motion.torque - rigid + weights @ g
@@ -179,17 +177,9 @@ def _orders(
 ) -> Iterator[tuple[Array, str]]:
     """Joints to which the log's columns may belong instead: two that change places, or `every` order of a few."""
     count = len(names)
-    for order in permutations(range(count)) if every and count <= MOST_ORDERS else _swaps(count):
+    swaps = ([b if k == a else a if k == b else k for k in range(count)] for a, b in combinations(range(count), 2))
+    for order in map(list, permutations(range(count))) if every and count <= MOST_ORDERS else swaps:
         back = np.argsort(order)  # column of the log that moves each joint
         asked = body.torque(motion.position[:, back], motion.speed[:, back], motion.acceleration[:, back])
-        if list(order) != sorted(order):
-            right = ", ".join(names[k] for k in order)
-            text = f"with the columns of the log in another order they are: {right}"
-            yield _left(joints, motion.torque - asked[:, list(order)]), text
-
-
-def _swaps(count: int) -> Iterator[tuple[int, ...]]:
-    for a, b in combinations(range(count), 2):
-        order = list(range(count))
-        order[a], order[b] = b, a
-        yield tuple(order)
+        text = f"with the columns of the log in another order they are: {', '.join(names[k] for k in order)}"
+        yield _left(joints, motion.torque - asked[:, order]), text

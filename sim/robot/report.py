@@ -7,17 +7,15 @@ from __future__ import annotations
 
 import html
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 
 from sim.discrepancy.report.box import FLANGE, box_of_robot, is_shown, rests_of_robot
 from sim.discrepancy.report.drawing import svg
 from sim.discrepancy.report.formatting import likely, named, number
 from sim.discrepancy.report.html import STYLE, drawn_box, html_report, table
 from sim.discrepancy.report.joint_html import FOLD, STYLES, WIDTH, body_of
-from sim.discrepancy.report.panels import Panel
-from sim.discrepancy.results import SAID, Finding, Investigation
+from sim.discrepancy.results import SAID, Finding
 from sim.mechanisms.catalogue import is_in_every_axis
-from sim.robot.joint_panels import finding_panels, torque_panels
+from sim.robot.joint_panels import finding_panels, joint_panels, torque_panels
 from sim.robot.results import SAYS, RobotInvestigation
 
 
@@ -26,21 +24,22 @@ def headline(result: RobotInvestigation) -> str:
     if result.verdict == "nothing_missing":
         return "The rigid-body model and the description of the joints explain what was measured."
     said = [f for f in _findings(result) if f[1].probability >= SAID]
-    beyond = [(place, f) for place, f in said if not is_in_every_axis(f.mechanism)]
-    usual = sum(is_in_every_axis(f.mechanism) for _, f in said)
+    joints = {place for place, f in said if is_in_every_axis(f.mechanism)}
     places: dict[str, list[str]] = {}
-    for place, f in beyond:
-        places.setdefault(f.mechanism, []).append(place)
+    for place, f in said:
+        if not is_in_every_axis(f.mechanism):
+            places.setdefault(f.mechanism, []).append(place)
     words = [named(mechanism, at[0] if len(at) == 1 else f"{len(at)} joints") for mechanism, at in places.items()]
-    joints = len({place for place, f in said if is_in_every_axis(f.mechanism)})
-    friction = f"friction at {joints} joint{'s' if joints > 1 else ''}"
     rests = [joint.name for joint in result.joints if joint.investigation.unexplained is not None]
-    left = f" Something without a name is left at {', '.join(rests)}." if rests else ""
-    if words:
-        return f"Found: {', '.join(words)}.{left}{f' Not described, but no fault: {friction}.' if usual else ''}"
-    if usual:
-        return f"No fault was named.{left} Not described: {friction}."
-    return "Something is there that no known mechanism explains."
+    if not said:
+        return "Something is there that no known mechanism explains."
+    out = [f"Found: {', '.join(words)}." if words else "No fault was named."]
+    if rests:
+        out.append(f"Something without a name is left at {', '.join(rests)}.")
+    if joints:
+        no_fault = ", but no fault" if words else ""
+        out.append(f"Not described{no_fault}: friction at {len(joints)} joint{'s' if len(joints) > 1 else ''}.")
+    return " ".join(out)
 
 
 def lines(result: RobotInvestigation) -> Iterable[str]:
@@ -74,9 +73,7 @@ def robot_story(result: RobotInvestigation) -> dict[str, object]:
 def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
     """The investigation of a robot as one HTML page that loads nothing; `files`: names of what it was made of."""
     causes = finding_panels(result)
-    pages = [
-        html_report(_at_the_joint(result, k), (), _of_joint(result, k, causes)) for k, _ in enumerate(result.joints)
-    ]
+    pages = [html_report(joint.investigation, (), joint_panels(result, k)) for k, joint in enumerate(result.joints)]
     head = "".join(dict.fromkeys(style for page in pages for style in STYLES.findall(page.split("<body")[0])))
     name = html.escape(result.robot.name)
     stories = [
@@ -104,25 +101,6 @@ def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
         f'<!doctype html><html lang="en"><head><meta charset="utf-8">{WIDTH}<title>Investigation of {name}</title>'
         f"<style>{STYLE}</style>{head}<style>{FOLD}</style></head><body>{body}</body></html>"
     )
-
-
-def _at_the_joint(result: RobotInvestigation, place: int) -> Investigation:
-    """A joint's own investigation; where no drive is described, what was found is at the joint and at no motor."""
-    joint = result.joints[place]
-    if result.robot.joints[place].described:
-        return joint.investigation
-    found = tuple(replace(f, location=joint.name) for f in joint.investigation.findings)
-    return replace(joint.investigation, findings=found)
-
-
-def _of_joint(result: RobotInvestigation, place: int, causes: Sequence[Panel | None]) -> list[Panel | None]:
-    """The plots of a joint's findings, in the order of its own investigation."""
-    shown = {
-        (one.finding.mechanism, one.finding.location): panel
-        for one, panel in zip(result.findings(), causes, strict=True)
-        if one.joint == place
-    }
-    return [shown[f.mechanism, f.location] for f in result.joints[place].investigation.findings]
 
 
 TORQUES = (

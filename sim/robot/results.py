@@ -37,11 +37,13 @@ class JointInvestigation:
 
 @dataclass(frozen=True)
 class Located:
-    """A finding of a robot; `place`: where it is, `joint`: of which joint, by its place in the log, None of no one."""
+    """A finding of a robot; `place`: where it is, `joint`: of which joint, by its place in the log, None of no one;
+    `number`: which it is of the joint's own."""
 
     finding: Finding
     place: str
     joint: int | None
+    number: int = 0
 
     def document(self) -> dict[str, object]:
         return {**finding_document(self.finding), "location": self.place}
@@ -84,20 +86,21 @@ class RobotInvestigation:
         """All that was found, the likeliest first."""
         out = [] if self.payload is None else [Located(self.payload, PAYLOAD, None)]
         for place, joint in enumerate(self.joints):
-            out += [Located(f, joint.located(f.location), place) for f in joint.investigation.findings]
+            out += [Located(f, joint.located(f.location), place, k) for k, f in enumerate(joint.investigation.findings)]
         return sorted(out, key=lambda one: -round(one.finding.probability, 4))
 
     def document(self) -> dict[str, object]:
         """JSON of the contract: finite numbers only, the same for the same bytes."""
-        rests: list[tuple[float, dict[str, object]]] = []
-        parameters, gains = [], []
-        for joint in self.joints:
-            one = joint.investigation
-            if one.unexplained is not None:
-                rest = {**unexplained_document(one.unexplained), "joint": joint.name}
-                rests.append((one.unexplained.score, rest))
-            parameters += [{**estimate_document(e), "name": f"{joint.name}.{e.name}"} for e in one.parameters]
-            gains += [{**gain_document(g), "joint": joint.name} for g in one.gain]
+        ones = [(joint.name, joint.investigation) for joint in self.joints]
+        rests = [
+            (one.unexplained.score, {**unexplained_document(one.unexplained), "joint": name})
+            for name, one in ones
+            if one.unexplained is not None
+        ]
+        parameters = [
+            {**estimate_document(e), "name": f"{name}.{e.name}"} for name, one in ones for e in one.parameters
+        ]
+        gains = [{**gain_document(g), "joint": name} for name, one in ones for g in one.gain]
         return {
             "verdict": self.verdict,
             "findings": [one.document() for one in self.findings()],

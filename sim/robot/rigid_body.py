@@ -76,25 +76,18 @@ class RigidBody:
 
         Two joints of one arm depend on each other's motion by the masses that both of them move.
         """
-        names, bodies = _joint_names(self.model), [int(body) for body in self.model.jnt_bodyid]
         above: list[set[int]] = [set()]  # each link, and all between it and the base
         for link in range(1, self.model.nbody):
             above.append({link} | above[int(self.model.body_parentid[link])])
-        heavy = set().union(*(above[k + 1] for k, own in enumerate(self.parameters) if own[0] > 0.0))
-        logged = [int(self.model.dof_jntid[column]) for column in self.columns]
-        out = {}
-        for k, name in enumerate(names):
-            if k in logged or name in known:
-                continue
-            depends = [
-                names[j]
-                for j in logged
-                if (bodies[j] in heavy and bodies[k] in above[bodies[j]])
-                or (bodies[k] in heavy and bodies[j] in above[bodies[k]])
-            ]
-            if depends:
-                out[name] = tuple(depends)
-        return out
+        heavy = [link for link, own in enumerate(self.parameters, start=1) if own[0] > 0.0]
+        moved = {
+            name: {link for link in heavy if int(body) in above[link]}
+            for name, body in zip(_joint_names(self.model), self.model.jnt_bodyid, strict=True)
+        }
+        names = list(moved)
+        logged = [names[int(self.model.dof_jntid[column])] for column in self.columns]
+        depend = {name: tuple(one for one in logged if moved[one] & moved[name]) for name in names}
+        return {name: which for name, which in depend.items() if which and name not in {*logged, *known}}
 
     def _data(self) -> Any:
         import mujoco
@@ -136,11 +129,10 @@ class RigidBody:
     def at_rest(self, position: Array, gravity: Array) -> Array:
         """The regressor of the robot at rest under another gravity, shape (3,) [m/s2] in the frame of the base."""
         described, rest = self.model.opt.gravity.copy(), np.zeros_like(position)
-        try:
-            self.model.opt.gravity[:] = gravity
-            return self.regressor(position, rest, rest)
-        finally:
-            self.model.opt.gravity[:] = described
+        self.model.opt.gravity[:] = gravity
+        out = self.regressor(position, rest, rest)
+        self.model.opt.gravity[:] = described
+        return out
 
     def torque(self, position: Array, speed: Array, acceleration: Array) -> Array:
         """Torques of the rigid robot as described, by MuJoCo in one piece, shape (rows, joints) [N m]."""

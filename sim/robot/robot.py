@@ -20,6 +20,15 @@ GRAVITY_M_S2 = (0.0, 0.0, -9.81)
 MOST_JOINTS = 64
 LARGEST_URDF_BYTES = 4 << 20
 Vector = tuple[float, float, float]
+SLIDING = (
+    ("N m s/rad", "N s/m"), ("N m", "N"), ("rad/s", "m/s"), ("kg m2", "kg"), ("torque", "force"), ("angle", "position"),
+    ("[°]", "[m]"),
+)  # fmt: skip
+WITHOUT_MOTOR = (
+    ("of the motor", "of the joint"), ("at the motor", "at the joint"), ("of motor", "of the joint"),
+    ("of load", "of the joint"), ("motor torque", "torque of the joint"), ("motor ahead", "joint ahead"),
+)  # fmt: skip
+"""Where nothing turns otherwise than the joint."""
 
 
 class RobotError(AxisError):
@@ -67,6 +76,16 @@ def slides(robot: Robot, place: int) -> bool:
     """Whether what is logged of a joint are a force [N] and a way [m], and not torque and angle."""
     joint = robot.joints[place]
     return joint.name in robot.urdf.prismatic and not joint.axis.stages
+
+
+def joint_words(robot: Robot, place: int, text: str) -> str:
+    """A text about an axis as one about a joint: units of one that slides, and no motor where none is described."""
+    for before, after in (
+        *(() if robot.joints[place].described else WITHOUT_MOTOR),
+        *(SLIDING if slides(robot, place) else ()),
+    ):
+        text = text.replace(before, after)
+    return text
 
 
 def logged_joints(robot: Robot) -> tuple[LoggedJoint, ...]:

@@ -47,6 +47,8 @@ RESTING = 0.005  # of the largest speed, below which friction is whatever holds
 NOTHING = 1e12  # precision of what is known to be 0
 AGAINST = 0.5  # of the prior: a log of which data say no more than this says what the links are without a payload
 PRIOR = 0.1  # that something hangs at the flange that nobody described
+TILT, LATE, HANGS = slice(-13, -11), slice(-11, -10), slice(-10, None)  # of the shared numbers, behind links and gains
+OF_A_LOG = 11  # the last, which are of each log alone: delay and payload
 LEAST_NOISE = 2e-3  # of the torque: no drive measures better
 
 
@@ -87,7 +89,7 @@ class Late:
         """The same as it was found beyond the linear picture: the log likelihood is the area below its slope, which
         falls from that of this picture to 0 there."""
         nats = 0.5 * self.delay_s * delay_s / self.deviation_s**2
-        return Late(delay_s, deviation_s, _odds(math.log(deviation_s / LATEST_S) + nats))
+        return Late(delay_s, deviation_s, _odds(OWN, math.log(deviation_s / LATEST_S) + nats))
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,7 @@ class SharedFit:
 
     `known`: torque that the rigid body asks for of each joint, corrected by the others, shape (rows, joints) [N m];
     `rigid`: the same as described; `errors`: of each joint, directions in which `known` may be wrong, shape (rows, p).
-    `late_s`: delay of all torques against the positions [s]; `late`: of each joint beyond that.
+    `late`: delay of each joint's torque beyond that of all torques against the positions.
     """
 
     motion: Motion
@@ -106,44 +108,59 @@ class SharedFit:
     payload: PayloadEstimate
     tilt_rad: Array
     tilt_deviation_rad: Array
-    late_s: float
     late: tuple[Late, ...] = ()
 
 
 @dataclass(frozen=True)
 class _Columns:
-    """All that is linear in the torque of all joints, per standard deviation of its prior, shape (rows, joints, n)."""
+    """All that is linear in the torque of all joints, per standard deviation of its prior: `values`, shape (rows,
+    joints, n), of errors of links, gains, tilt, delay and payload.
+
+    `scale`: of the payload's ten numbers; `links`: ways in which links may be wrong, shape (links, 10, 10); `level`:
+    the regressor of two changes of gravity, at rest, shape (2, rows, joints, links, 10).
+    """
 
     values: Array
-    gains: slice
-    tilt: slice
-    late: slice
-    payload: slice
-    scale: Array  # of the payload's ten numbers
-    links: Array  # ways in which links may be wrong, shape (links, 10, 10)
+    scale: Array
+    links: Array
     regressor: Array
-    level: Array  # the regressor of two changes of gravity, at rest, shape (2, rows, joints, links, 10)
+    level: Array
     rate_hz: float
+
+    @staticmethod
+    def of(robot: Robot, body: RigidBody, motion: Motion) -> _Columns:
+        """Those of links and payload; gains, tilt and delay are filled in by `around`."""
+        regressor = body.regressor(motion.position, motion.speed, motion.acceleration)
+        rows, joints, links, _ = regressor.shape
+        masses = np.maximum(body.parameters[:, 0], 0.0)
+        mean_mass = float(masses.mean())
+        reach = math.sqrt(float(np.mean([_reach(p) ** 2 for p in body.parameters if p[0] > 0.0])))
+        ways = np.array([_link_errors(p, mean_mass, reach) for p in body.parameters])
+        scale = mean_mass * np.r_[1.0, np.full(3, reach), np.full(6, reach**2)]
+        wrong = [regressor[:, :, k] @ ways[k] for k in range(links)]
+        later = np.zeros((rows, joints, joints + 3))
+        values = np.concatenate([*wrong, later, regressor[:, :, body.tool] * scale], axis=-1)
+        level = np.stack([body.at_rest(motion.position, change) for change in _level(robot)])
+        return _Columns(values, scale, ways, regressor, level, motion.rate_hz)
 
     def around(self, body: RigidBody, mean: Array) -> _Columns:
         """The same with gains, tilt and delay of the links and the payload that `mean` makes of the body's."""
         links = len(body.links)
         found = body.parameters + np.einsum("bpq,bq->bp", self.links, mean[: links * 10].reshape(links, 10))
-        found[body.tool] += self.scale * mean[self.payload]
+        found[body.tool] += self.scale * mean[HANGS]
         rigid = np.einsum("njbp,bp->nj", self.regressor, found)
-        joints = range(rigid.shape[1])
+        joints = np.arange(rigid.shape[1])
         values = self.values.copy()
-        values[:, joints, [self.gains.start + j for j in joints]] = GAIN_ERROR * rigid
-        values[..., self.tilt] = TILT_RAD * np.einsum("tnjbp,bp->njt", self.level, found)
-        values[..., self.late] = -LATE_S * np.gradient(rigid, axis=0)[..., None] * self.rate_hz
+        values[:, joints, links * 10 + joints] = GAIN_ERROR * rigid
+        values[..., TILT] = TILT_RAD * np.einsum("tnjbp,bp->njt", self.level, found)
+        values[..., LATE] = -LATE_S * np.gradient(rigid, axis=0)[..., None] * self.rate_hz
         return replace(self, values=values)
 
 
 def shared_columns(robot: Robot, body: RigidBody, motion: Motion) -> Array:
     """Torque of all joints per standard deviation of all that they share, the payload's ten numbers last; shape (rows,
     joints, n)."""
-    regressor = body.regressor(motion.position, motion.speed, motion.acceleration)
-    columns = _columns(robot, body, motion, regressor)
+    columns = _Columns.of(robot, body, motion)
     return columns.around(body, np.zeros(columns.values.shape[-1])).values
 
 
@@ -158,7 +175,7 @@ def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tup
 
 @dataclass(frozen=True)
 class _Log:
-    """One log's share of the normal equations. The first `common` columns are the same quantities in every log."""
+    """One log's share of the normal equations. All columns but the last `OF_A_LOG` are the same in every log."""
 
     motion: Motion
     rigid: Array
@@ -169,9 +186,8 @@ class _Log:
 
     @staticmethod
     def of(robot: Robot, body: RigidBody, motion: Motion) -> _Log:
-        regressor = body.regressor(motion.position, motion.speed, motion.acceleration)
-        rigid = np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters))
-        columns = _columns(robot, body, motion, regressor)
+        columns = _Columns.of(robot, body, motion)
+        rigid = np.asarray(np.einsum("njbp,bp->nj", columns.regressor, body.parameters))
         rested = np.apply_along_axis(_felt_at_rest, 0, motion.speed, motion.rate_hz)
         used = [motion.counts & ~rests & (j not in motion.unmeasured) for j, rests in enumerate(rested.T)]
         left = motion.torque - rigid
@@ -189,25 +205,13 @@ class _Log:
             mean = np.asarray(np.linalg.solve(np.eye(mean.size) + sum(grams), sum(moments)), dtype=np.float64)
         return _Log(motion, rigid, columns, rows, grams, moments)
 
-    @property
-    def common(self) -> int:
-        return int(self.columns.late.start)
-
-    @property
-    def own(self) -> int:
-        return int(self.columns.values.shape[-1]) - self.common
-
     def blocks(self) -> list[tuple[Array, Array]]:
         """What each block of time adds to the normal equations: their matrix and right side."""
-        out = []
-        for block in range(BLOCKS):
-            parts = [(c[of], y[of]) for c, y in self.rows for of in [_block(y.size, block)]]
-            out.append((np.asarray(sum(c.T @ c for c, _ in parts)), np.asarray(sum(c.T @ y for c, y in parts))))
-        return out
-
-
-def _block(rows: int, block: int) -> slice:
-    return slice(rows * block // BLOCKS, rows * (block + 1) // BLOCKS)
+        split = [(np.array_split(c, BLOCKS), np.array_split(y, BLOCKS)) for c, y in self.rows]
+        parts = [[(c[block], y[block]) for c, y in split] for block in range(BLOCKS)]
+        return [
+            (np.sum([c.T @ c for c, _ in part], axis=0), np.sum([c.T @ y for c, y in part], axis=0)) for part in parts
+        ]
 
 
 def _beyond(friction: Array, columns: Array, torque: Array, mean: Array, rate_hz: float) -> tuple[Array, Array]:
@@ -241,9 +245,9 @@ class _Normal:
 
     @staticmethod
     def of(logs: Sequence[_Log]) -> _Normal:
-        common = logs[0].common
-        size = common + sum(log.own for log in logs)
-        places = [np.r_[0:common, common + k * log.own : common + (k + 1) * log.own] for k, log in enumerate(logs)]
+        common = logs[0].columns.values.shape[-1] - OF_A_LOG
+        size = common + OF_A_LOG * len(logs)
+        places = [np.r_[0:common, common + OF_A_LOG * k : common + OF_A_LOG * (k + 1)] for k in range(len(logs))]
         precision, right = np.eye(size), np.zeros(size)
         for log, place in zip(logs, places, strict=True):
             precision[np.ix_(place, place)] += sum(log.grams)
@@ -254,7 +258,7 @@ class _Normal:
         """The same where nothing hangs in these logs."""
         precision = self.precision.copy()
         for k in empty:
-            hung = self.places[k][self.logs[k].columns.payload]
+            hung = self.places[k][HANGS]
             precision[hung, hung] += NOTHING
         return replace(self, precision=precision)
 
@@ -315,10 +319,10 @@ def _shared(normal: _Normal, k: int, payload: PayloadEstimate) -> SharedFit:
         load = np.abs(rigid[:, joint])
         errors.append(np.column_stack([_few(own @ ways[place]), losses * (load - load[motion.counts].mean())]))
     mean, spread = normal.mean[place], normal.spread[np.ix_(place, place)]
-    deviation = np.sqrt(np.diag(spread))[columns.tilt] * TILT_RAD
+    deviation = np.sqrt(np.diag(spread))[TILT] * TILT_RAD
     return SharedFit(
-        motion, rigid, known, tuple(errors), payload, mean[columns.tilt] * TILT_RAD, deviation,
-        float(mean[columns.late][0]) * LATE_S, tuple(_late(normal, k, joint) for joint in range(rigid.shape[1])),
+        motion, rigid, known, tuple(errors), payload, mean[TILT] * TILT_RAD, deviation,
+        tuple(_late(normal, k, joint) for joint in range(rigid.shape[1])),
     )  # fmt: skip
 
 
@@ -329,39 +333,20 @@ def _late(normal: _Normal, k: int, joint: int) -> Late:
     torque as no drive measures may go along with it.
     """
     log, place = normal.logs[k], normal.places[k]
-    late = log.columns.late.start
     columns, torque = log.rows[joint]
-    own = columns[:, late]
+    own = columns[:, LATE.start]
     along = normal.covariance[:, place] @ (columns.T @ own)
     information = float(own @ own) + (LATE_S / LATEST_S) ** 2 - float(own @ columns @ along[place])
     size = float(own @ (torque - columns @ normal.mean[place])) / information
     form = LEAST_NOISE * float(np.std(log.motion.torque[:, joint]))
-    rises = float(np.std(log.columns.values[:, joint, late])) / LATE_S
+    rises = float(np.std(log.columns.values[:, joint, LATE.start])) / LATE_S
     deviation = math.hypot(LATE_S / math.sqrt(information), form / max(rises, 1e-300))
-    one = Late(size * LATE_S, deviation, 0.0)
-    return one.found_at(one.delay_s, deviation)
+    return Late(size * LATE_S, deviation, 0.0).found_at(size * LATE_S, deviation)
 
 
-def _odds(log_ratio: float) -> float:
-    """How likely something of one joint alone is by the log ratio of the likelihoods with it and without."""
-    return 1.0 / (1.0 + math.exp(-min(max(math.log(OWN / (1.0 - OWN)) + log_ratio, -50.0), 50.0)))
-
-
-def _columns(robot: Robot, body: RigidBody, motion: Motion, regressor: Array) -> _Columns:
-    """Ways in which links may be wrong and what may hang; gains, tilt and delay are filled in by `around`."""
-    rows, joints, links, _ = regressor.shape
-    masses = np.maximum(body.parameters[:, 0], 0.0)
-    mean_mass = float(masses.mean())
-    reach = math.sqrt(float(np.mean([_reach(p) ** 2 for p in body.parameters if p[0] > 0.0])))
-    ways = np.array([_link_errors(p, mean_mass, reach) for p in body.parameters])
-    scale = mean_mass * np.r_[1.0, np.full(3, reach), np.full(6, reach**2)]
-    wrong = [regressor[:, :, k] @ ways[k] for k in range(links)]
-    later = np.zeros((rows, joints, joints + 3))
-    values = np.concatenate([*wrong, later, regressor[:, :, body.tool] * scale], axis=-1)
-    ends = [int(end) for end in np.cumsum([links * 10, joints, 2, 1, 10])]
-    gains, tilted, delayed, hung = (slice(*pair) for pair in pairwise(ends))
-    level = np.stack([body.at_rest(motion.position, change) for change in _level(robot)])
-    return _Columns(values, gains, tilted, delayed, hung, scale, ways, regressor, level, motion.rate_hz)
+def _odds(prior: float, log_ratio: float) -> float:
+    """How likely something is by the log ratio of the likelihoods with it and without."""
+    return 1.0 / (1.0 + math.exp(-min(max(math.log(prior / (1.0 - prior)) + log_ratio, -50.0), 50.0)))
 
 
 def _reach(parameters: Array) -> float:
@@ -380,33 +365,25 @@ def _link_errors(parameters: Array, mean_mass: float, mean_reach: float) -> Arra
     return out
 
 
-def _level(robot: Robot) -> list[Array]:
-    """Two changes of gravity by a tilt of a radian, about axes across it [m/s2]."""
-    g = np.array(robot.gravity_m_s2)
-    size = float(np.linalg.norm(g))
-    if size == 0.0:
-        return [np.zeros(3), np.zeros(3)]
-    across = np.linalg.svd(g[None] / size)[2][1:]
-    return [size * axis for axis in across]
-
-
-def friction_curves(position: Array, speed: Array, acceleration: Array, load: Array) -> Array:
-    """Return friction as any curve over the speed, with what the load adds to it, and the rotor; shape (rows, p)."""
-    return np.column_stack([_laws(position, speed, load), _even(speed, acceleration)])
+def _level(robot: Robot) -> Array:
+    """Two changes of gravity by a tilt of a radian, about axes across it, shape (2, 3) [m/s2]."""
+    g = np.array([robot.gravity_m_s2])
+    return np.asarray(float(np.linalg.norm(g)) * np.linalg.svd(g)[2][1:])
 
 
 def _friction(motion: Motion, joint: int, load: Array) -> Array:
-    """The same of a joint, smoothed as its torque was."""
+    """Friction of a joint as any curve over the speed, with what the load adds to it, and the rotor, shape (rows, p);
+    smoothed as its torque was."""
     position, speed, acceleration = (each[:, joint] for each in (motion.position, motion.speed, motion.acceleration))
+    even = [speed / max(float(np.abs(speed).max()), 1e-12), np.ones_like(speed), acceleration]
     if math.isinf(motion.cut_hz):
-        return friction_curves(position, speed, acceleration, load)
+        return np.column_stack([_laws(position, speed, load), *even])
     clock = motion.time_s
     fine = np.linspace(clock[0], clock[-1], (clock.size - 1) * FINE + 1)
     way = CubicSpline(clock, position)
     laws = _laws(way(fine), way(fine, 1), np.interp(fine, clock, load))
-    rate = motion.rate_hz * FINE
-    smooth = [smoothed(law, motion.cut_hz, rate, 0)[::FINE] for law in laws.T]
-    return np.column_stack([*smooth, _even(speed, acceleration)])
+    smooth = [smoothed(law, motion.cut_hz, motion.rate_hz * FINE, 0)[::FINE] for law in laws.T]
+    return np.column_stack([*smooth, *even])
 
 
 def _felt_at_rest(speed: Array, rate_hz: float) -> NDArray[np.bool_]:
@@ -424,11 +401,6 @@ def _laws(position: Array, speed: Array, load: Array) -> Array:
     return np.column_stack(
         [*turns, *(built_up(position, way) for way in WAYS), u * np.abs(u), np.abs(u), turns[1] * np.abs(load)]
     )
-
-
-def _even(speed: Array, acceleration: Array) -> Array:
-    """What does not, shape (rows, p)."""
-    return np.column_stack([speed / max(float(np.abs(speed).max()), 1e-12), np.ones_like(speed), acceleration])
 
 
 def built_up(position: Array, way: float) -> Array:
@@ -457,17 +429,14 @@ def _payload(columns: _Columns, mean: Array, covariance: Array) -> PayloadEstima
     Its place may tell of it more than its weight does, which errors of all links share. None weighs less than nothing.
     What all drives tell too little or too much of torque, and what gears lose, it weighs too little or too much.
     """
-    own = np.arange(mean.size)[columns.payload][:4]
+    own = np.arange(mean.size)[HANGS][:4]
     scale = columns.scale[:4]
     spread = covariance[np.ix_(own, own)] + np.outer(mean[own], mean[own]) * (GAIN_ERROR**2 + LOAD_LOSS**2)
     spread = 0.5 * (spread + spread.T)
-    if not spread.any():
-        return PayloadEstimate(mean[own], spread, 0.0)
     far = float(mean[own] @ np.linalg.solve(spread, mean[own]))
     weighs = log_ndtr(float(mean[own[0]]) / math.sqrt(float(spread[0, 0]))) + math.log(2.0)
-    log_odds = math.log(PRIOR / (1.0 - PRIOR)) + 0.5 * (np.linalg.slogdet(spread)[1] + far) + float(weighs)
-    likely = 1.0 / (1.0 + math.exp(-min(max(float(log_odds), -50.0), 50.0)))
-    return PayloadEstimate(mean[own] * scale, spread * np.outer(scale, scale), likely)
+    log_ratio = 0.5 * (np.linalg.slogdet(spread)[1] + far) + float(weighs)
+    return PayloadEstimate(mean[own] * scale, spread * np.outer(scale, scale), _odds(PRIOR, float(log_ratio)))
 
 
 def _few(errors: Array, least: float = 1e-3) -> Array:

@@ -84,10 +84,16 @@ def read_urdf(text: bytes) -> Urdf:
     _check_tree(kept, names["link"])
     if not any(float(mass.get("value", "0")) > 0.0 for mass in kept.iter("mass")):
         raise UrdfError("no link has a mass; a description with <inertial> in its links is needed")
-    limits: dict[str, tuple[float, float, float]] = {}
-    for joint in kept.iter("joint"):
-        if kinds[joint.get("name", "")] in LIMITED:
-            limits.update(_limit(joint.get("name", ""), joint))
+    limits = {
+        joint.get("name", ""): (
+            float(at.get("lower", "0")),
+            float(at.get("upper", "0")),
+            float(at.get("velocity", "0")),
+        )
+        for joint in kept.iter("joint")
+        if kinds[joint.get("name", "")] in LIMITED
+        for at in joint.findall("limit")
+    }
     prismatic = frozenset(name for name, kind in kinds.items() if kind == "prismatic")
     text_kept = ElementTree.tostring(kept, encoding="unicode")
     return Urdf(root.get("name", "robot"), text_kept, moving, prismatic, limits, tuple(mended))
@@ -177,14 +183,6 @@ def _check_numbers(where: str, element: ElementTree.Element) -> None:
             raise UrdfError(f"{where}: {key} of its {element.tag} must be finite numbers, got {str(text)[:60]!r}")
         if element.tag == "mass" and values and values[0] < 0.0:
             raise UrdfError(f"{where}: its mass of {values[0]:g} kg is below 0")
-
-
-def _limit(name: str, joint: ElementTree.Element) -> dict[str, tuple[float, float, float]]:
-    limit = joint.find("limit")
-    if limit is None:
-        return {}
-    low, high, speed = (float(limit.get(key, "0")) for key in ("lower", "upper", "velocity"))
-    return {name: (low, high, speed)}
 
 
 def _check_tree(root: ElementTree.Element, links: set[str]) -> None:

@@ -141,7 +141,7 @@ def test_what_a_load_that_stays_the_same_loses_is_friction_as_felt() -> None:
 
 def test_what_hangs_is_told_by_its_place_where_its_weight_is_not() -> None:
     """Eight deviations of a first moment beside one and a half of a mass; nothing; and a weight below nothing."""
-    columns = cast(Any, SimpleNamespace(payload=slice(0, 10), scale=np.ones(10)))
+    columns = cast(Any, SimpleNamespace(scale=np.ones(10)))
     covariance = np.diag([0.1, 0.02, 0.02, 0.02] + 6 * [1.0]) ** 2
 
     def likely(*first: float) -> float:
@@ -178,7 +178,6 @@ def test_friction_that_builds_up_after_a_reversal_is_no_delay_and_no_mass() -> N
     felt = rigid + 3.0 * dry + 1.5 * motion.speed + 0.5 * motion.acceleration + 0.05 * rng.normal(size=rigid.shape)
     one = robot(links)
     (fit,) = shared_fits(one, RigidBody.of(one), [replace(motion, torque=felt)])
-    assert abs(fit.late_s) < 1e-3
     assert fit.payload.probability < 0.5
     for joint, errors in enumerate(fit.errors):
         wrong = np.sqrt(np.mean((fit.known[:, joint] - rigid[:, joint]) ** 2))
