@@ -115,7 +115,7 @@ NAMED: dict[str, Make] = {
     "play heard": first("sound alone", 9_100_051, "backlash", seconds=15.0),
     "play heard again": first("sound alone", 9_100_151, "backlash", seconds=15.0),
     "bearing heard": first("sound alone", 9_000_221, "bearing_defect", seconds=15.0),
-    "another bearing heard": second(908, {"bearing_defect": None}, stride=0, seconds=15.0),
+    "another bearing heard": second(910, {"bearing_defect": None}, stride=0, seconds=15.0),
     "hum heard": first("sound alone", 9_100_511, "electrical_hum", seconds=15.0),
 }
 UNNAMED: dict[str, Make] = {

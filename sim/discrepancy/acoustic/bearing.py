@@ -8,7 +8,7 @@ summed over that. All multiples count together (Fisher).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,7 +83,7 @@ def bearing_family(axis: Axis, course: Course) -> Family | None:
     turns = turns_of_tooth(axis, course)
     if turns is not None and TURNS_TAIL.p_value(turns.score) < 1.0:
         free &= ~_near_multiples(spectra.orders, [turns.order], math.inf, spectra.step)
-    found = [_family(spectra, band, free) for band in range(len(spectra.along))]
+    found = [_family(spectra, band, free, mesh_orders(axis)) for band in range(len(spectra.along))]
     return min((one for one in found if one is not None), key=lambda one: one.p_value, default=None)
 
 
@@ -120,23 +120,27 @@ def _lines(spectra: OrderSpectra, power: Array, k: Array, bases: Array, free: Ma
     return np.where(used, (summed[last] - summed[first]) / np.maximum(bins, 1), 1.0), bins, used
 
 
-def _family(spectra: OrderSpectra, band: int, free: Mask) -> Family | None:
-    """The base of which most multiples stand out, over the path more than over time.
+def _family(spectra: OrderSpectra, band: int, free: Mask, meshes: Sequence[float]) -> Family | None:
+    """The base of which most multiples stand out, over the path more than over time; those of `meshes` are of teeth.
 
     How seldom a line is so strong is asked of the same multiple of all bases: whatever turns makes lines in this
     recording, and only a family has all of its own.
     """
     bases = np.arange(*BASES, spectra.step / PER_BIN, dtype=np.float64)
+    bases = bases[~_near_multiples(bases, meshes, math.inf, 0.5 * spectra.step, share=0.0)]
     k = np.arange(1.0, MULTIPLES + 1.0, dtype=np.float64)[:, None]
     height, bins, used = _lines(spectra, spectra.along[band], k, bases, free)
     fixed, _, _ = _lines(spectra, spectra.fixed[band], k, bases, free)
     shape = spectra.averages * np.maximum(0.67 * bins, 1.0)  # neighbours depend on each other under a Hann window
     chance = np.where(used, gammaincc(shape, shape * height), 1.0)
-    for row, use in zip(chance, used, strict=True):
-        row[use] = np.maximum(row[use], rankdata(row[use], "max") / max(use.sum(), 1))
+    # by Wilson and Hilferty's normal deviate (Proc. Natl. Acad. Sci. 17 (1931) 684): chances below 1e-308 are all 0
+    deviate = (np.cbrt(height) - 1.0 + 1.0 / (9.0 * shape)) * np.sqrt(shape)
+    for row, use, far in zip(chance, used, deviate, strict=True):
+        row[use] = np.maximum(row[use], rankdata(-far[use], "max") / max(use.sum(), 1))
     nats = np.minimum(-np.log(np.maximum(chance, 1e-300)), LARGEST)
     clear = nats > CLEAR
-    enough = (used.sum(axis=0) >= 3) & (clear.sum(axis=0) >= 4) & (clear[:3].sum(axis=0) >= 2)
+    lowest = used & (np.cumsum(used, axis=0) <= 3)  # of those that no gear hides
+    enough = (clear.sum(axis=0) >= 4) & ((clear & lowest).sum(axis=0) >= 2)
     fixed = maximum_filter1d(fixed, 2 * PER_BIN + 1, axis=1)  # over the path it is blurred to either side
     enough &= np.log(height / np.maximum(fixed, 1e-9)).sum(axis=0) > 0.0
     if not enough.any():
@@ -162,8 +166,8 @@ def _near_gears(axis: Axis, orders: Array, tolerance: float) -> Mask:
     return near | _near_multiples(orders, mesh_orders(axis), TEETH_MULTIPLES, SIDEBANDS)
 
 
-def _near_multiples(orders: Array, bases: Iterable[float], most: float, tolerance: float) -> Mask:
+def _near_multiples(orders: Array, bases: Iterable[float], most: float, tolerance: float, share: float = 0.001) -> Mask:
     near = np.zeros(orders.size, dtype=np.bool_)
     for one in bases:
-        near |= np.abs(orders - np.clip(np.round(orders / one), 1.0, most) * one) < tolerance + 0.001 * orders
+        near |= np.abs(orders - np.clip(np.round(orders / one), 1.0, most) * one) < tolerance + share * orders
     return near
