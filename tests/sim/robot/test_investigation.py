@@ -4,15 +4,13 @@ import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
 from sim.discrepancy.data.data_fault import InvestigationError
-from sim.discrepancy.unexplained import Unexplained
-from sim.robot.investigation import RobotLog, _next_measurement, investigate_robot
+from sim.robot.investigation import RobotLog, investigate_robot
 from sim.robot.robot import read_robot
 from tests.live import gearcase
 from tests.shared_data import shared
@@ -244,19 +242,3 @@ def test_unseen_torque_of_a_real_arm_is_told_as_well_as_by_least_squares(tmp_pat
             left.append(float(np.sqrt(np.mean(np.concatenate(errors) ** 2))))
         (gain,) = joint.investigation.gain
         assert gain.rms_after < 1.15 * min(left), joint.name
-
-
-def test_where_something_is_left_without_a_name_a_measurement_is_still_asked_for() -> None:
-    """Nothing of a joint is open but what has no name: that is not "No further measurement is needed"."""
-
-    def asked(rest: Unexplained | None) -> str:
-        joint = SimpleNamespace(
-            name="pan",
-            investigation=SimpleNamespace(verdict="named", findings=(), unexplained=rest, next_measurement=""),
-        )
-        return _next_measurement([joint], SimpleNamespace(payload=SimpleNamespace(probability=0.0)))  # type: ignore[list-item, arg-type]
-
-    assert asked(None).startswith("No further measurement is needed")
-    assert asked(Unexplained("frequency", "motor_torque_nm", 0.2, 9.0, {"frequency_hz": 37.0})).startswith(
-        "pan: Repeat the same motion at half the speed"
-    )

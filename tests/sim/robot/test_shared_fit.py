@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 
 from sim.discrepancy.assessment.intervals import NINETY
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import RigidBody
-from sim.robot.shared_fit import LOAD_LOSS, OWN, Late, SharedFit, _payload, built_up, shared_fits
+from sim.robot.shared_fit import LOAD_LOSS, SharedFit, built_up, shared_fits
 from tests.sim.robot.arms import Array, Link, random_arm, robot, swings, torque, with_mass
 
 DRAWS = 8
@@ -139,19 +137,6 @@ def test_what_a_load_that_stays_the_same_loses_is_friction_as_felt() -> None:
     assert np.std(lost) > 0.0
 
 
-def test_what_hangs_is_told_by_its_place_where_its_weight_is_not() -> None:
-    """Eight deviations of a first moment beside one and a half of a mass; nothing; and a weight below nothing."""
-    columns = cast(Any, SimpleNamespace(scale=np.ones(10)))
-    covariance = np.diag([0.1, 0.02, 0.02, 0.02] + 6 * [1.0]) ** 2
-
-    def likely(*first: float) -> float:
-        return _payload(columns, np.array([*first, *np.zeros(6)]), covariance).probability
-
-    assert likely(0.15, 0.0, 0.0, 0.16) > 0.9
-    assert likely(0.0, 0.0, 0.0, 0.0) < 1e-3
-    assert likely(-0.5, 0.0, 0.0, 0.0) < 0.05 < 0.9 < likely(0.8, 0.0, 0.0, 0.0)
-
-
 def alone(seed: int, at: int, **own: float) -> tuple[Motion, Array, SharedFit]:
     """An arm as described of which one joint has something that no other feels; its log, rigid torque and fit.
 
@@ -197,18 +182,3 @@ def test_a_weight_at_one_joint_alone_does_not_mislead_the_others() -> None:
     for joint in (1, 2):
         wrong = np.sqrt(np.mean((fit.known[:, joint] - rigid[:, joint]) ** 2))
         assert wrong < 2.0 * NINETY * np.sqrt(np.mean(np.sum(fit.errors[joint] ** 2, axis=1)))
-
-
-def test_a_delay_that_is_as_late_as_the_linear_picture_says_is_as_likely_as_there() -> None:
-    first = Late(0.012, 0.003, 0.0)
-    plain = first.found_at(0.012, 0.003).probability
-    assert first.found_at(0.004, 0.003).probability < plain  # the slope fell to nothing sooner
-    assert first.found_at(-0.004, 0.003).probability < OWN  # and was climbed the wrong way
-
-
-def test_a_torque_is_late_and_hardly_early() -> None:
-    row_s = 0.01
-    assert Late(0.03, 0.003, 0.9).is_delay(row_s)
-    assert not Late(0.1, 0.003, 0.9).is_delay(row_s)
-    assert Late(-0.008, 0.003, 0.9).is_delay(row_s)
-    assert not Late(-0.012, 0.004, 0.9).is_delay(row_s)
