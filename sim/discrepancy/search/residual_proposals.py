@@ -136,8 +136,11 @@ def changed_gain(problem: Problem, fit: Fit) -> list[Term]:
 
     By the squares that a share of the measured torque takes away between two times, of all pairs of times on a grid,
     the rest of the model following in the linear picture: inertia and friction bend to what a factor asks of them.
+    None where the known torque is doubted, which changes with the posture and so with the time.
     """
     m = problem.measurement
+    if m.doubts.size:
+        return []
     n = m.samples
     measured = problem.white((m.across(m.torque), np.zeros(fit.residual.size - n)))[:n]
     edges = np.linspace(0, n, WINDOWS + 1).astype(np.int64)
