@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sim.discrepancy.results import Estimate, Finding, Investigation, estimate_document, finding_document, gain_document
 from sim.discrepancy.unexplained import rounded, unexplained_document
 from sim.robot.robot import SCHEMA, Robot, position_key
-from sim.robot.shared_fit import SharedFit
+
+if TYPE_CHECKING:
+    from sim.robot.shared_fit import SharedFit
 
 PAYLOAD = "payload"
 SAYS = {

@@ -14,6 +14,7 @@ from sim.discrepancy.data.excitation import excitation_of, lacking
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.hypotheses.friction import friction_felt
 from sim.discrepancy.hypotheses.gear_mesh import ripple
 from sim.discrepancy.hypotheses.generic import ORDERS as ALWAYS_TRIED
 from sim.discrepancy.hypotheses.generic import frequency_of, terms_of_kind
@@ -51,6 +52,7 @@ LEAST_LEVEL = 0.5  # of white noise under the residual: one that is far below it
 RIPPLES = 2  # orders proposed of those looked at
 LINES = 2  # frequencies proposed of those looked at
 WINDOWS, SHORTEST = 60, 2  # of a record, in which a factor may differ: parts of it, and the fewest
+MOSTLY_FRICTION = 0.5  # of the torque is other than friction's, at least
 USUAL_GAIN = 0.02  # share by which a factor that differs is tried
 LINE_EXCESS = 14.0  # energy of a line over that of its neighbours: once in a hundred records of noise
 
@@ -136,10 +138,14 @@ def changed_gain(problem: Problem, fit: Fit) -> list[Term]:
 
     By the squares that a share of the measured torque takes away between two times, of all pairs of times on a grid,
     the rest of the model following in the linear picture: inertia and friction bend to what a factor asks of them.
-    None where the known torque is doubted, which changes with the posture and so with the time.
+    None where the known torque is doubted, which changes with the posture and so with the time; nor where friction is
+    most of the torque: another factor and friction that has changed are one then.
     """
     m = problem.measurement
-    if m.doubts.size:
+    present, top = problem.chain(fit.terms, fit.values), float(np.abs(m.speed).max())
+    dry, all_of_it = friction_felt(present, 0.0), friction_felt(present, top)
+    other = m.torque - np.sign(m.speed) * dry - m.speed / top * (all_of_it - dry)
+    if m.doubts.size or float(np.std(other[m.weight > 0.5])) < MOSTLY_FRICTION * m.torque_rms:
         return []
     n = m.samples
     measured = problem.white((m.across(m.torque), np.zeros(fit.residual.size - n)))[:n]
