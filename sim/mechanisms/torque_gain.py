@@ -42,7 +42,7 @@ class TorqueGain(Measurement):
     own_hypothesis: ClassVar[bool] = True
     of_the_recording: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
-        least_share=0.003,  # any part of a record has its own share of what the form of a model leaves
+        least_share=0.02,  # any part of a record has its own share of what the form of a model leaves
         form_of_any=0.15,
         once=True,
     )
