@@ -25,6 +25,7 @@ LINE, BESIDE = 5, 21  # bins that a line fills, and from which its surroundings 
 APART_HZ = 10.0  # what lies so near an order is of it
 LEAST = 8  # segments
 OFTEN = 2.0 / 3.0  # a line is there for a third of the time: what passes by is not
+LOUD = 0.9  # quantile over time
 MESHES, TURNS, HUMS = 8, 24, 6  # multiples that a gearbox and the mains have
 LOWEST_HZ, HIGHEST_HZ, PER_OCTAVE = 125.0, 3_600.0, 6
 
@@ -116,11 +117,13 @@ def _change(power: Array, frequency: Array, middle: Array, states: NDArray[np.in
 
 
 def _noise(power: Array, frequency: Array, moving: Mask) -> Unexplained | None:
-    """Noise at standstill, and the octave in which it is loudest, where the axis adds less than a third of it."""
+    """Noise at standstill, and the octave in which it is loudest, where the axis adds less than a third of it, also
+    where it is loud: one that mostly creeps is heard at its fast strokes."""
     if min(moving.sum(), (~moving).sum()) < LEAST:
         return None
     inside = (frequency >= LOWEST_HZ) & (frequency <= HIGHEST_HZ)
-    moves, rests = (float(np.median(power[rows][:, inside].sum(axis=1))) for rows in (moving, ~moving))
+    total = power[:, inside].sum(axis=1)
+    moves, rests = float(np.quantile(total[moving], LOUD)), float(np.median(total[~moving]))
     centres, level = _octaves(power[~moving], frequency)
     loudest = float(centres[np.argmax(np.median(level, axis=0) * centres)])
     return _unexplained("frequency", moves / max(moves - rests, 1e-9 * moves), frequency_hz=loudest)
