@@ -193,10 +193,11 @@ def settled(
     for term in terms:
         if term.traits.dent:
             starts += [({**fit.own, **other}, {}) for other in _other_dents(term, fit.own)]
-    other = problem.best(terms, starts, to_end=any(t.contact for t in terms))
+    rough = any(t.contact for t in terms)
+    other = problem.best(terms, starts, to_end=rough)
     if other is None or other.cost >= fit.cost:
         return fit
-    return problem.fit(terms, other.values, held=other.sensitivities, to_end=True)
+    return other if rough else problem.fit(terms, other.values, held=other.sensitivities, to_end=True)
 
 
 def _other_dents(term: Term, values: Mapping[str, float]) -> list[dict[str, float]]:

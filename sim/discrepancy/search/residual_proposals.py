@@ -52,7 +52,7 @@ LEAST_LEVEL = 0.5  # of white noise under the residual: one that is far below it
 RIPPLES = 2  # orders proposed of those looked at
 LINES = 2  # frequencies proposed of those looked at
 WINDOWS, SHORTEST = 60, 2  # of a record, in which a factor may differ: parts of it, and the fewest
-MOSTLY_FRICTION = 0.5  # of the torque is other than friction's, at least
+BESIDE_FRICTION = 0.5  # of the torque, at least
 USUAL_GAIN = 0.02  # share by which a factor that differs is tried
 LINE_EXCESS = 14.0  # energy of a line over that of its neighbours: once in a hundred records of noise
 
@@ -142,10 +142,12 @@ def changed_gain(problem: Problem, fit: Fit) -> list[Term]:
     most of the torque: another factor and friction that has changed are one then.
     """
     m = problem.measurement
+    if m.doubts.size:
+        return []
     present, top = problem.chain(fit.terms, fit.values), float(np.abs(m.speed).max())
     dry, all_of_it = friction_felt(present, 0.0), friction_felt(present, top)
     other = m.torque - np.sign(m.speed) * dry - m.speed / top * (all_of_it - dry)
-    if m.doubts.size or float(np.std(other[m.weight > 0.5])) < MOSTLY_FRICTION * m.torque_rms:
+    if float(np.std(other[m.weight > 0.5])) < BESIDE_FRICTION * m.torque_rms:
         return []
     n = m.samples
     measured = problem.white((m.across(m.torque), np.zeros(fit.residual.size - n)))[:n]
