@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.errors import ParameterError, RunError, number
+from sim.errors import CompositionError, ParameterError, RunError, number
 from sim.piecewise_affine.channels import channel_names, channel_units
 from sim.piecewise_affine.engine import Block, ExactEngine, component_events
 from sim.piecewise_affine.system import Array, System
@@ -17,7 +17,7 @@ from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import MEMORY_LIMIT_BYTES, Channels, Residual, Trajectory
 from sim.verification import check_finite, instants
 
-Engine = Literal["exact", "runge-kutta"]
+Engine = Literal["exact", "chain"]
 MAX_DURATION_S = 1e6
 MAX_RATE_HZ = 1e6
 KEPT_ENGINES = 16
@@ -31,6 +31,7 @@ def simulate(
     sample_rate_hz: float = 8000.0,
     *,
     engine: Engine | None = None,
+    watch: Array | None = None,
 ) -> Trajectory:
     """Simulate a drive train from its start values.
 
@@ -43,8 +44,10 @@ def simulate(
     sample_rate_hz
         Samples per second of the result [Hz]; the solution does not depend on it.
     engine
-        `exact` needs components that are affine in every mode (`drive_train.affine`); `runge-kutta` takes all. None:
-        exact where it can be.
+        `exact` needs components that are affine in every mode (`drive_train.affine`); `chain` takes shafts in series
+        with all that is not affine: servo, imperfect meshes, friction of any curve. None: exact where it can be.
+    watch
+        Five numbers of which the last becomes the share of a chain's run that is done, for another thread to look at.
 
     Returns
     -------
@@ -57,15 +60,10 @@ def simulate(
         for a duration, rate or composition that cannot be, before any work; RunError where no motion continues.
     """
     samples = _samples(duration_s, sample_rate_hz)
-    if _pick(drive_train, engine) == "runge-kutta":
-        from sim.runge_kutta.engine import simulate_runge_kutta
-        from sim.torsional.reduction import fits, simulate_chain
+    if _pick(drive_train, engine) == "chain":
+        from sim.torsional.reduction import simulate_chain
 
-        if not drive_train.affine and fits(drive_train):
-            return simulate_chain(drive_train, duration_s, sample_rate_hz)
-        system = System(drive_train)
-        _check_memory(samples, system.state_width, duration_s)
-        return simulate_runge_kutta(system, samples, sample_rate_hz)
+        return simulate_chain(drive_train, duration_s, sample_rate_hz, watch)
     exact = _engine(drive_train, sample_rate_hz)
     _check_memory(samples, exact.system.state_width, duration_s)
     return _trajectory(exact, next(exact.run(samples, samples)), sample_rate_hz)
@@ -106,12 +104,14 @@ def _check_memory(samples: int, width: int, duration_s: float) -> None:
 
 
 def _pick(drive_train: DriveTrain, engine: Engine | None) -> Engine:
-    if engine not in (None, "exact", "runge-kutta"):
-        raise ParameterError(f"engine: must be 'exact' or 'runge-kutta', got {engine!r}")
+    if not drive_train.components:
+        raise CompositionError("a drive train needs at least one component")
+    if engine not in (None, "exact", "chain"):
+        raise ParameterError(f"engine: must be 'exact' or 'chain', got {engine!r}")
     if engine == "exact" and not drive_train.affine:
         bent = [name for name, part in drive_train.components.items() if not part.affine]
-        raise RunError(f"engine: exact needs affine components; {', '.join(bent)} is not; use engine='runge-kutta'")
-    return engine or ("exact" if drive_train.affine else "runge-kutta")
+        raise RunError(f"engine: exact needs affine components; {', '.join(bent)} is not; use engine='chain'")
+    return engine or ("exact" if drive_train.affine else "chain")
 
 
 def _engine(drive_train: DriveTrain, sample_rate_hz: float) -> ExactEngine:
@@ -173,11 +173,11 @@ class _Reader:
         return self._engine.system.states(self._time, self._moving)
 
     def _read(self, i: int, channel: str) -> Array:
-        branches = self._engine.system.branches(i)
+        pieces = self._engine.system.pieces[i]
         out = np.empty(len(self._time))
         for mode, solve in self._solves.items():
             at = self._modes == mode if len(self._solves) > 1 else slice(None)
-            branch = branches[self._engine.modes[mode].key[i]].branch
+            branch = pieces[self._engine.modes[mode].key[i]].branch
             if channel == "mode":
                 out[at] = 0 if branch.mode is None else branch.mode
             elif channel in branch.channels:

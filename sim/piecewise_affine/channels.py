@@ -7,7 +7,7 @@ from sim.piecewise_affine.system import System
 
 def channel_names(system: System, i: int) -> list[str]:
     """Names of the channels of component i, those of its class that its branches speak of."""
-    branch = system.branches(i)[0].branch
+    branch = system.pieces[i][0].branch
     names = [*branch.channels, *branch.powers]
     return [*names, "mode"] if branch.mode is not None else names
 

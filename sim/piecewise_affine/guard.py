@@ -11,7 +11,7 @@ from sim.piecewise_affine.system import Array, System
 
 @dataclass(frozen=True)
 class Guard:
-    """What the state alone, without curves, says about the branches of one component, all rows stacked.
+    """What the state alone says about the branches of one component, all rows stacked.
 
     `rows` must not be negative (inequalities, and speeds that must be zero, twice); `of_signals` are those rows that
     depend on signals alone, with their derivatives, shape (4, m, state).
@@ -29,10 +29,8 @@ class Guard:
     def of(cls, system: System, i: int) -> "Guard":
         rows, loose, branch = [np.zeros((0, system.width))], [np.zeros(0)], [np.zeros(0, np.int64)]
         for number in range(system.branch_counts[i]):
-            piece, *curves = system.uncurved(i, number)
+            piece = system.piece(i, number)
             alone = ~piece.holds[:, system.known :].any(axis=1)
-            for part in curves:
-                alone &= ~part.holds.any(axis=1)
             by_state = piece.holds[alone]
             rows += [by_state, piece.stops, -piece.stops]
             loose += [np.full(len(by_state), TOLERANCE), np.full(2 * len(piece.stops), STOP_TOLERANCE)]

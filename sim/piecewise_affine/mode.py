@@ -1,12 +1,10 @@
 """From a combination of branches to x' = M x: eliminate accelerations and torques, also redundant and massless ones."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.piecewise_affine.kernel import CANCELLED
-from sim.piecewise_affine.system import ZERO, Array, Basis, Constraints, Mode, Piece, System, bend, no_inertia
+from sim.piecewise_affine.system import ZERO, Array, Basis, Constraints, Mode, System, bend, no_inertia
 
 UNMOVED = 1e-6
 """What is left of a row that entering makes zero, relative to its terms: rounding over the lightest inertia."""
@@ -30,8 +28,8 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
     known = system.known
     pieces = [system.piece(i, branch) for i, branch in enumerate(key)]
     rows = equations(system, key)
-    bound = system.state_rows(np.vstack([piece.stops for piece in pieces])) if pieces else np.zeros((0, 0))
-    solve, free, hidden = solve_unknowns(system, rows, np.vstack([piece.losses for piece in pieces]))
+    bound = system.state_rows(np.vstack([piece.stops for piece in pieces]))
+    solve, free, hidden = _solve_unknowns(system, rows, np.vstack([piece.losses for piece in pieces]))
     enter = _entry(system, np.vstack([bound, hidden]))
     asked = _left_over(hidden, enter)
     moving = slice(0, 2 * system.freedom)
@@ -41,46 +39,30 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
         enter[moving] -= np.linalg.pinv(resting[:, moving], rcond=ZERO) @ resting @ enter
         solve = _sum(solve, -solve @ np.linalg.pinv(resting, rcond=ZERO), resting, ZERO)
     limits = np.vstack([piece.holds for piece in pieces])
+    owners = [frozenset([i]) for i, piece in enumerate(pieces) for _ in piece.holds]
+    strict = np.concatenate([piece.strict for piece in pieces])
+    by_state = _sum(system.state_rows(limits), limits[:, known:], solve)
     return Mode(
         key=key,
-        matrix=flow(system, solve),
-        holds=constraints(system.state_rows(limits), limits[:, known:], solve, pieces, free),
+        matrix=_flow(system, solve),
+        holds=_eliminate(by_state, limits[:, known:] @ free, strict, owners),
         stops=np.vstack([bound, asked]),
         enter=enter,
         solve=solve,
-        regular=not len(hidden) and not free.shape[1],
         rows=rows,
     )
 
 
-def equations(system: System, key: tuple[int, ...], components: Sequence[int] | None = None) -> Array:
-    """All equations of a mode, rows over (y, z): balances of the nodes, kinematics, laws of the branches.
-
-    With `components`, the laws of these alone; `combined` adds the others.
-    """
-    n = system.node_count
-    balances = np.zeros((n, system.width))
+def equations(system: System, key: tuple[int, ...]) -> Array:
+    """All equations of a mode, rows over (y, z): balances of the nodes, kinematics, laws of the branches."""
+    balances = np.zeros((system.node_count, system.width))
     laws = [balances, _shifted(system, system.kinematics)]
-    _add_laws(system, key, range(len(key)) if components is None else components, balances, laws)
-    return np.vstack(laws)
-
-
-def combined(system: System, some: Array, key: tuple[int, ...], others: Sequence[int]) -> Array:
-    """Add the laws of the components `others` to equations that lack them."""
-    out = some.copy()
-    laws = [out]
-    _add_laws(system, key, others, out, laws)
-    return np.vstack(laws)
-
-
-def _add_laws(
-    system: System, key: tuple[int, ...], components: Sequence[int], balances: Array, laws: list[Array]
-) -> None:
-    for i in components:
-        piece = system.piece(i, key[i])
+    for i, branch in enumerate(key):
+        piece = system.piece(i, branch)
         for node, torque in zip(piece.nodes, piece.torques, strict=True):
             balances[node] += torque
         laws.append(piece.equations)
+    return np.vstack(laws)
 
 
 def _shifted(system: System, rows: Array) -> Array:
@@ -104,7 +86,7 @@ def _derivative(system: System, rows: Array) -> Array:
     return out
 
 
-def solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, Array, Array]:
+def _solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, Array, Array]:
     """Return z = solve x, the directions of z that are free to choose, and rows of x that must be zero at all times.
 
     Where equations bind the state alone, their derivatives take their place, and those bind in turn, until nothing new
@@ -173,17 +155,7 @@ def _sum(start: Array, left: Array, right: Array, rounding: float = CANCELLED) -
     return np.asarray(total)
 
 
-def constraints(
-    by_state: Array, by_unknown: Array, solve: Array, pieces: Sequence[Piece], free: Array | None = None
-) -> Constraints:
-    """All inequalities of the pieces over the state alone: by_state x + by_unknown z >= 0 with z = solve x + free c."""
-    owners = [frozenset([i]) for i, piece in enumerate(pieces) for _ in piece.holds]
-    strict = np.concatenate([piece.strict for piece in pieces])
-    choice = np.zeros((len(by_state), 0)) if free is None else by_unknown @ free
-    return _eliminate(_sum(by_state, by_unknown, solve), choice, strict, owners)
-
-
-def flow(system: System, solve: Array) -> Array:
+def _flow(system: System, solve: Array) -> Array:
     """x' = M x: coordinates move with their speeds, speeds with the solved accelerations, signals by themselves."""
     count = system.freedom
     matrix = system.signal_flow()
@@ -214,7 +186,7 @@ def _entry(system: System, rows: Array) -> Array:
         moves = np.linalg.solve(light, along.T)
         step = ways @ moves @ np.linalg.pinv(along @ moves, rcond=1e-9)
         change = np.eye(width)
-        change[part] -= step @ chosen
+        change[part] = _sum(change[part], -step, chosen)
         enter = enter @ change if part.start == 0 else change @ enter
     return enter
 

@@ -7,7 +7,7 @@ that no digits are lost between large angles.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from sim.errors import CompositionError, RunError
 from sim.rotational.component import Branch, Component, Row, Signal, Variables
-from sim.rotational.curves import Curve
 from sim.rotational.drive_train import DriveTrain
 
 Array = NDArray[np.float64]
@@ -29,8 +28,6 @@ class _Rows(Variables):
     def __init__(self, system: "System", nodes: dict[str, int], first_unknown: int, signals: list[int]) -> None:
         self._system, self._nodes, self._first, self._signals = system, nodes, first_unknown, signals
         self._unit = system.unit
-        self.curves: list[tuple[Curve, Row]] = []
-        self.probe: tuple[float, ...] = ()
         self.one = system.unit[system.known - 1]
 
     def _node(self, flange: str, offset: int) -> Row:
@@ -63,13 +60,6 @@ class _Rows(Variables):
             return by_swing * self._column(swing) + by_rate * self._column(swing + 1)
         return self._column(swing) if level < 0 else self._column(level) + self._column(swing)
 
-    def curve(self, curve: Curve, row: Row) -> float:
-        if not row.any():
-            return curve_value(curve, 0.0)
-        self.curves.append((curve, row))
-        number = len(self.curves) - 1
-        return self.probe[number] if number < len(self.probe) else 0.0
-
 
 @dataclass(frozen=True)
 class Constraints:
@@ -92,8 +82,7 @@ class Mode:
     """One combination of branches: x' = matrix x while all rows of `holds` are >= 0.
 
     `stops` are rows that must be zero to enter: speeds, and what a prescribed motion has to be; `enter` maps x on
-    entry, `solve` gives z = solve x; `regular` modes have neither hidden constraints nor torques free to choose. `rows`
-    are all equations, over (y, z).
+    entry, `solve` gives z = solve x. `rows` are all equations, over (y, z).
     """
 
     key: tuple[int, ...]
@@ -102,7 +91,6 @@ class Mode:
     stops: Array
     enter: Array
     solve: Array
-    regular: bool
     rows: Array
 
     @cached_property
@@ -126,9 +114,6 @@ class System:
         self.components: list[Component] = list(train.components.values())
         node_of = self._number_nodes()
         self._lay_out()
-        self._bent: dict[tuple[int, int], Piece] = {}
-        self._curved: dict[tuple[int, int], Curved] = {}
-        self.point = np.zeros(self.known)
         first = self.known + self.node_count
         self.rows: list[_Rows] = []
         number = 0
@@ -139,9 +124,11 @@ class System:
             first, number = first + component.unknowns, number + count
         self._choose_coordinates()
         parts = list(zip(self.components, self.rows, strict=True))
-        self._laws = [part.unknowns - len(part.kinematics(v)) for part, v in parts]
-        self.static = [self._pieces(i) if part.affine else None for i, part in enumerate(self.components)]
-        self.branch_counts = [len(part.branches(v)) for part, v in parts]
+        self.pieces = [
+            tuple(Piece.of(self, v, branch, part.unknowns - len(part.kinematics(v))) for branch in part.branches(v))
+            for part, v in parts
+        ]
+        self.branch_counts = [len(pieces) for pieces in self.pieces]
 
     # ---- layout -----------------------------------------------------------------------------------------------
 
@@ -208,8 +195,9 @@ class System:
     # ---- coordinates and start --------------------------------------------------------------------------------
 
     def _choose_coordinates(self) -> None:
-        kinematics = [row for part, v in zip(self.components, self.rows, strict=True) for row in part.kinematics(v)]
-        self.kinematics = np.array(kinematics).reshape(-1, self.width)
+        parts = list(zip(self.components, self.rows, strict=True))
+        owners = [i for i, (part, v) in enumerate(parts) for _ in part.kinematics(v)]
+        self.kinematics = _stack([row for part, v in parts for row in part.kinematics(v)], self.width)
         n = self.node_count
         relative: list[Row] = []
         absolute: list[Row] = []
@@ -221,6 +209,8 @@ class System:
         for i, row in enumerate(self.kinematics):
             if i not in fixed and abs(row[self.known - 1]) > 0:
                 raise CompositionError("a shaft is fixed at two angles; leave one Fixed out")
+            if i not in fixed:
+                self._check_loop([owners[j] for j in (*_made_of(row[:n], self.kinematics[fixed, :n], fixed), i)])
         chosen = [row for row in self.candidates if basis.take(row)]
         self.coordinates = np.array(chosen).reshape(-1, n)
         count = len(chosen)
@@ -236,12 +226,34 @@ class System:
         self.fixed = fixed
         self._find_prescribed()
 
+    def _check_loop(self, loop: list[int]) -> None:
+        """Refuse a closed loop of rigid parts in which a loss depends on a torque that nothing determines."""
+        lossy = [self.names[i] for i in dict.fromkeys(loop) if self.components[i].loses_torque]
+        if lossy:
+            names = ", ".join(self.names[i] for i in dict.fromkeys(loop))
+            raise CompositionError(
+                f"{lossy[0]}: it lies in a closed loop of rigid parts ({names}), so nothing determines how they share "
+                "the torque, and its loss depends on that; put a Spring or SpringDamper into the loop"
+            )
+
     def _find_prescribed(self) -> None:
         """`unprescribed`: an orthonormal basis of how the coordinates can move where no motion is prescribed."""
-        rows = [row for part, v in zip(self.components, self.rows, strict=True) for row in part.prescribed(v)]
-        along = self.state_rows(_stack(rows, self.width))[:, : self.freedom]
+        parts = zip(self.names, self.components, self.rows, strict=True)
+        given = [(name, row) for name, part, v in parts for row in part.prescribed(v)]
+        along = self.state_rows(_stack([row for _, row in given], self.width))[:, : self.freedom]
+        basis, taken = Basis(self.freedom), list[int]()
+        for i, (name, _) in enumerate(given):
+            if basis.take(along[i]):
+                taken.append(i)
+                continue
+            others = " and ".join(given[j][0] for j in _made_of(along[i], along[taken], taken))
+            raise CompositionError(
+                f"{name}: its flange is moved by {others} already; leave one source of motion out"
+                if others
+                else f"{name}: its flange is fixed and cannot be moved; leave the source or what fixes it out"
+            )
         _, size, right = np.linalg.svd(along)
-        self.unprescribed = right[np.count_nonzero(size > ZERO * size.max(initial=0.0)) :].T
+        self.unprescribed = right[len(size) :].T
 
     def start(self) -> Array:
         """Return the state at time 0: start values that were given, zero where none was."""
@@ -285,69 +297,13 @@ class System:
 
     # ---- rows of the branches ---------------------------------------------------------------------------------
 
-    @property
-    def point(self) -> Array:
-        """Known variables of now, shape (known,), for components that are not affine."""
-        return self._point
-
-    @point.setter
-    def point(self, known: Array) -> None:
-        self._point = known
-        self._bent.clear()
-
-    def branches(self, i: int) -> "tuple[Piece, ...]":
-        """All branches of component i, at `point` if it is not affine."""
-        static = self.static[i]
-        if static is not None:
-            return static
-        return tuple(self.piece(i, number) for number in range(self.branch_counts[i]))
-
-    def uncurved(self, i: int, number: int) -> "tuple[Piece, ...]":
-        """The rows of one branch of component i that no curve scales, then those of each curve."""
-        static = self.static[i]
-        return self.curved(i, number).pieces if static is None else (static[number],)
+    def piece(self, i: int, number: int) -> "Piece":
+        """One branch of component i."""
+        return self.pieces[i][number]
 
     def mode(self, i: int, number: int) -> int | None:
         """Modelica's number of the mode that one branch of component i is."""
-        return self.uncurved(i, number)[0].branch.mode
-
-    def piece(self, i: int, number: int) -> "Piece":
-        """One branch of component i, at `point` if it is not affine."""
-        static = self.static[i]
-        if static is not None:
-            return static[number]
-        curved = self.curved(i, number)
-        if not curved.curves:
-            return curved.constant
-        if (i, number) not in self._bent:
-            self._bent[i, number] = curved.at(curved.rows @ self._point)
-        return self._bent[i, number]
-
-    def curved(self, i: int, number: int) -> "Curved":
-        """One branch of component i, what its curves scale apart; found by setting them to zero and each to one."""
-        if (i, number) not in self._curved:
-            constant, curves = self._probed(i, number, ())
-            units = np.eye(len(curves))
-            parts = [self._probed(i, number, tuple(unit))[0].minus(constant) for unit in units.tolist()]
-            used = [(part, *curve) for part, curve in zip(parts, curves, strict=True) if part.any()]
-            rows = _stack([row for _, _, row in used], self.width)[:, : self.known]
-            found = tuple(part for part, _, _ in used), tuple(curve for _, curve, _ in used)
-            self._curved[i, number] = Curved(constant, *found, rows)
-        return self._curved[i, number]
-
-    def _probed(self, i: int, number: int, probe: tuple[float, ...]) -> "tuple[Piece, list[tuple[Curve, Row]]]":
-        v = self.rows[i]
-        v.curves, v.probe = [], probe
-        branch = self.components[i].branch(v, number)
-        return Piece.of(self, v, branch, self._laws[i]), v.curves
-
-    def bent(self, i: int, number: int) -> bool:
-        """Whether a branch of component i depends on the state other than by its rows."""
-        return self.static[i] is None and bool(self.curved(i, number).curves)
-
-    def _pieces(self, i: int) -> "tuple[Piece, ...]":
-        branches = self.components[i].branches(self.rows[i])
-        return tuple(Piece.of(self, self.rows[i], branch, self._laws[i]) for branch in branches)
+        return self.pieces[i][number].branch.mode
 
     @cached_property
     def light(self) -> Array:
@@ -399,80 +355,17 @@ class Piece:
             _stack([torques[0] for name, torques in branch.powers.items() if name == "lossPower"], system.width),
         )
 
-    def minus(self, other: "Piece") -> "Piece":
-        """The difference of all rows."""
-        mine, theirs = self.branch, other.branch
-        channels = {name: row - theirs.channels[name] for name, row in mine.channels.items()}
-        powers = {
-            name: (one - theirs.powers[name][0], two - theirs.powers[name][1])
-            for name, (one, two) in mine.powers.items()
-        }
-        return replace(
-            self,
-            branch=replace(mine, channels=channels, powers=powers),
-            torques=self.torques - other.torques,
-            equations=self.equations - other.equations,
-            holds=self.holds - other.holds,
-            losses=self.losses - other.losses,
-        )
-
-    def any(self) -> bool:
-        """Whether any row is not zero."""
-        pairs = [row for pair in self.branch.powers.values() for row in pair]
-        told = [*self.branch.channels.values(), *pairs]
-        return any(rows.any() for rows in (self.torques, self.equations, self.holds, *told))
-
-
-@dataclass(frozen=True)
-class Curved:
-    """A branch whose rows are `constant` plus, for each curve, its value times the rows of a part.
-
-    `rows`, shape (curves, known), are what the curves depend on.
-    """
-
-    constant: Piece
-    parts: tuple[Piece, ...]
-    curves: tuple[Curve, ...]
-    rows: Array
-
-    @property
-    def pieces(self) -> tuple[Piece, ...]:
-        """The constant rows, then those that each curve scales."""
-        return self.constant, *self.parts
-
-    def at(self, arguments: Array) -> Piece:
-        """The rows where the curves have these arguments; those of `branch`, channels, are the constant ones.
-
-        Raises
-        ------
-        RunError
-            where what must be above zero is not.
-        """
-        factors = np.array([1.0, *map(curve_value, self.curves, arguments.tolist())])
-        rows = np.tensordot(factors, self._stacked, 1)
-        first = self.constant
-        ends = np.cumsum([len(part) for part in (first.torques, first.equations, first.holds)])
-        torques, equations, holds, losses = np.split(rows, ends)
-        return replace(first, torques=torques, equations=equations, holds=holds, losses=losses)
-
-    @cached_property
-    def _stacked(self) -> Array:
-        pieces = self.pieces
-        return np.array([np.vstack([piece.torques, piece.equations, piece.holds, piece.losses]) for piece in pieces])
-
-
-def curve_value(curve: Curve, s: float) -> float:
-    """Value of a curve; RunError where it must be above zero and is not."""
-    from sim.runge_kutta.kernel import packed, value
-
-    found = float(value(*packed((curve,)), 0, s))
-    if curve.positive and np.isnan(found):
-        raise RunError(f"{curve.positive} is not above zero at {s:g} rad/s")
-    return found
-
 
 def _stack(rows: Sequence[Row], width: int) -> Array:
     return np.array(rows, dtype=np.float64).reshape(-1, width)
+
+
+def _made_of(row: Row, others: Array, numbers: list[int]) -> list[int]:
+    """Numbers of the rows `others` that combine to `row`."""
+    if not len(others):
+        return []
+    shares = np.abs(np.linalg.lstsq(others.T, row, rcond=None)[0])
+    return [i for i, share in zip(numbers, shares.tolist(), strict=True) if share > 1e-9]
 
 
 class Basis:

@@ -17,8 +17,6 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.rotational.curves import Curve
-
 Row = NDArray[np.float64]
 
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
@@ -88,13 +86,6 @@ class Variables(ABC):
     @abstractmethod
     def signal(self, i: int = 0, derivative: int = 0) -> Row:
         """Signal number i of this component, or its first or second derivative by time."""
-
-    @abstractmethod
-    def curve(self, curve: Curve, row: Row) -> float:
-        """A number that depends on a row of angles, speeds and signals by a curve; for components that are not affine.
-
-        It may be a factor of rows and be added to others, no more: equations are affine in it.
-        """
 
     @property
     def phi_rel(self) -> Row:
@@ -168,6 +159,11 @@ class Component(ABC):
         return True
 
     @property
+    def loses_torque(self) -> bool:
+        """Whether its loss depends on the torque that it carries, so that this must be determined."""
+        return False
+
+    @property
     def inertia(self) -> float:
         """Moment of inertia at its first flange [kg.m2]; a mass [kg] where the flange moves straight."""
         return 0.0
@@ -205,7 +201,3 @@ class Component(ABC):
     @abstractmethod
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         """Return all pieces of the law, the preferred ones first where two are possible."""
-
-    def branch(self, v: Variables, number: int) -> Branch:
-        """Return one piece of the law."""
-        return self.branches(v)[number]

@@ -92,7 +92,7 @@ class Trajectory:
     events
         All changes of mode, in order of time.
     engine
-        `exact` or `runge-kutta`: how it was computed.
+        `exact` or `chain`: how it was computed.
     residual
         How well the run obeys its own equations; None where nobody looked.
     """

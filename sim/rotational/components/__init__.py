@@ -32,11 +32,7 @@ from sim.rotational.components.sensors import (
 )
 from sim.rotational.components.signals import Constant, ExpSine, Product, Pulse, Ramp, Sampled, Sine, Step
 from sim.rotational.components.speed_torque import (
-    EddyCurrentTorque,
-    InverseSpeedDependentTorque,
     LinearSpeedDependentTorque,
-    QuadraticSpeedDependentTorque,
-    SignTorque,
 )
 from sim.rotational.components.spring import Spring
 from sim.rotational.components.spring_damper import SpringDamper
@@ -62,9 +58,6 @@ COMPONENTS: tuple[type[Component], ...] = (
     ConstantTorque,
     TorqueStep,
     LinearSpeedDependentTorque,
-    QuadraticSpeedDependentTorque,
-    InverseSpeedDependentTorque,
-    SignTorque,
     Position,
     Speed,
     ConstantSpeed,
@@ -75,7 +68,6 @@ COMPONENTS: tuple[type[Component], ...] = (
     IdealGearR2T,
     IdealRollingWheel,
     Mass,
-    EddyCurrentTorque,
     AngleSensor,
     SpeedSensor,
     AccSensor,
@@ -100,7 +92,6 @@ __all__ = [
     "ConstantTorque",
     "Damper",
     "Disc",
-    "EddyCurrentTorque",
     "ElastoBacklash",
     "ElastoBacklash2",
     "ExpSine",
@@ -111,7 +102,6 @@ __all__ = [
     "IdealPlanetary",
     "IdealRollingWheel",
     "Inertia",
-    "InverseSpeedDependentTorque",
     "LinearSpeedDependentTorque",
     "LossyGear",
     "Mass",
@@ -122,14 +112,12 @@ __all__ = [
     "PowerSensor",
     "Product",
     "Pulse",
-    "QuadraticSpeedDependentTorque",
     "Ramp",
     "RelAccSensor",
     "RelAngleSensor",
     "RelSpeedSensor",
     "RelativeStates",
     "Sampled",
-    "SignTorque",
     "Sine",
     "Speed",
     "SpeedSensor",

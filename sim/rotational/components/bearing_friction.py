@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from sim.rotational.component import Branch, Component, Row, Variables
 from sim.rotational.components.sliding import check_peak, friction_pieces, table_row
-from sim.rotational.components.tables import SpeedTable, speed_table
+from sim.rotational.components.tables import SpeedTable, straight_table
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,8 @@ class BearingFriction(Component):
     Parameters
     ----------
     tau_pos
-        Rows [w, tau]: friction torque [N.m] over speed [rad/s] for w >= 0; the same, turned round, backward.
+        Rows [w, tau]: friction torque [N.m] over speed [rad/s] for w >= 0, on one straight line; turned round,
+        backward.
     peak
         Torque that breaks the shaft away over torque at the onset of sliding, >= 1.
     """
@@ -30,16 +31,12 @@ class BearingFriction(Component):
     units: ClassVar[Mapping[str, str]] = {"phi": "rad", "w": "rad/s", "tau": "N.m", "lossPower": "W", "mode": "1"}
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "tau_pos", speed_table("BearingFriction.tau_pos", self.tau_pos, 2).rows)
+        object.__setattr__(self, "tau_pos", straight_table("BearingFriction.tau_pos", self.tau_pos, 2).rows)
         check_peak("BearingFriction", self.peak)
 
     @cached_property
     def table(self) -> SpeedTable:
         return SpeedTable(self.tau_pos)  # type: ignore[arg-type]
-
-    @property
-    def affine(self) -> bool:
-        return self.table.straight
 
     @property
     def unknowns(self) -> int:
@@ -52,7 +49,7 @@ class BearingFriction(Component):
         through, tau = v.unknown(0), v.unknown(1)
         w = v.w("flange_a") - v.w("support")
         a = v.a("flange_a") - v.a("support")
-        pieces = friction_pieces(v, tau, w, a, lambda speed: table_row(self.table, 0, v, speed), self.peak)
+        pieces = friction_pieces(v, tau, w, a, lambda speed: table_row(self.table, v, speed), self.peak)
         return tuple(
             Branch(
                 torques={"flange_a": through, "flange_b": tau - through, "support": -tau},

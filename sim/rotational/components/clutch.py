@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
-from sim.errors import number
+from sim.errors import ParameterError, number
 from sim.rotational.component import FORWARD, STUCK, Branch, Component, Row, Signal, Start, Variables
 from sim.rotational.components.signals import Constant
 from sim.rotational.components.sliding import Piece, check_peak, friction_pieces, table_row
 from sim.rotational.components.start_values import check_starts
-from sim.rotational.components.tables import SpeedTable, speed_table
+from sim.rotational.components.tables import SpeedTable, straight_table
 
 ALWAYS = Constant(1.0)
 RELATIVE_HYSTERESIS = 1e-4
@@ -28,7 +28,8 @@ class Pressed(Component):
     f_normalized
         Signal; nothing presses where it is <= 0.
     mu_pos
-        Rows [w, mu]: friction coefficient over speed [rad/s], w >= 0.
+        Rows [w, mu]: friction coefficient over speed [rad/s], w >= 0; constant, or a straight line under a constant
+        force.
     peak
         mu that breaks away over mu at the onset of sliding, >= 1.
     cgeo
@@ -46,15 +47,16 @@ class Pressed(Component):
         number(f"{name}.fn_max", self.fn_max, "N", at_least=0)
         number(f"{name}.cgeo", self.cgeo, "m", at_least=0)
         check_peak(name, self.peak)
-        object.__setattr__(self, "mu_pos", speed_table(f"{name}.mu_pos", self.mu_pos, 2).rows)
+        object.__setattr__(self, "mu_pos", straight_table(f"{name}.mu_pos", self.mu_pos, 2).rows)
+        if not (self.table.constant or isinstance(self.f_normalized, Constant)):
+            raise ParameterError(
+                f"{name}.mu_pos: mu must be the same at all speeds where f_normalized changes; "
+                "a product of speed and signal is not solved"
+            )
 
     @cached_property
     def table(self) -> SpeedTable:
         return SpeedTable(self.mu_pos)  # type: ignore[arg-type]
-
-    @property
-    def affine(self) -> bool:
-        return self.table.constant
 
     @property
     def signals(self) -> tuple[Signal, ...]:
@@ -65,7 +67,10 @@ class Pressed(Component):
         return self.cgeo * self.fn_max * v.signal(0)
 
     def torque_at(self, v: Variables, speed: Row) -> Row:
-        return table_row(self.table, 0, v, speed, self.pressing(v))
+        if self.table.constant:
+            return float(self.table.at(0.0)[0]) * self.pressing(v)
+        assert isinstance(self.f_normalized, Constant)
+        return self.cgeo * self.fn_max * self.f_normalized.k * table_row(self.table, v, speed)
 
 
 @dataclass(frozen=True, kw_only=True)

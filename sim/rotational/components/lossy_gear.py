@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
+from math import inf
 from typing import ClassVar
 
 import numpy as np
@@ -10,8 +12,7 @@ import numpy as np
 from sim.errors import ParameterError
 from sim.rotational.component import BACKWARD, FORWARD, FREE, STUCK, Branch, Component, Row, Variables
 from sim.rotational.components.ideal_gear import gear_ratio
-from sim.rotational.components.tables import SpeedTable, speed_table
-from sim.rotational.curves import Curve, Shape
+from sim.rotational.components.tables import SpeedTable, straight_table
 
 IDEAL = ((0.0, 1.0, 1.0, 0.0, 0.0),)
 
@@ -28,7 +29,9 @@ class LossyGear(Component):
         phi_a / phi_b.
     lossTable
         Rows [|w_a|, eta_mf1, eta_mf2, |tau_bf1|, |tau_bf2|]: speed [rad/s], efficiency of the mesh and bearing friction
-        at flange_a [N.m] when flange_a (1) or flange_b (2) drives. One row: the same at all speeds.
+        at flange_a [N.m] when flange_a (1) or flange_b (2) drives. One row: the same at all speeds. Of several, the
+        efficiencies must be the same and bearing friction lie on straight lines; where such a line falls below zero
+        its absolute value counts, as in Modelica.
     """
 
     ratio: float
@@ -48,24 +51,25 @@ class LossyGear(Component):
 
     def __post_init__(self) -> None:
         gear_ratio("LossyGear.ratio", self.ratio)
-        table = speed_table("LossyGear.lossTable", self.lossTable, 5)
+        table = straight_table("LossyGear.lossTable", self.lossTable, 5)
         for i, row in enumerate(table.rows):
             for j in (1, 2):
                 if not 0 < row[j] <= 1:
                     raise ParameterError(f"LossyGear.lossTable[{i}][{j}]: must be > 0 and <= 1, got {row[j]:g}")
+        if len({row[1:3] for row in table.rows}) > 1:
+            raise ParameterError(
+                "LossyGear.lossTable: the efficiencies must be the same in all rows; "
+                "an efficiency that changes with the speed is not solved"
+            )
         object.__setattr__(self, "lossTable", table.rows)
 
     @cached_property
     def table(self) -> SpeedTable:
         return SpeedTable(self.lossTable)  # type: ignore[arg-type]
 
-    @cached_property
-    def _one_efficiency(self) -> bool:
-        return len({row[1:3] for row in self.table.rows}) == 1
-
     @property
-    def affine(self) -> bool:
-        return self._one_efficiency and self.table.straight
+    def loses_torque(self) -> bool:
+        return self.table.rows != IDEAL
 
     @property
     def unknowns(self) -> int:
@@ -76,26 +80,23 @@ class LossyGear(Component):
         return (a - self.ratio * b,)
 
     @cached_property
-    def _pieces(self) -> tuple[tuple[int, int, int], ...]:
-        """Mode of each branch, and who drives: 1 flange_a, -1 flange_b; stuck, at the upper limit and at the lower one.
-
-        Stuck, one combination cannot be: between the two torques at which the driver changes, both or none drive.
-        """
-        if self.table.rows == IDEAL:
-            return ((FREE, 0, 0),)
-        eta1, eta2, bf1, bf2 = (float(x) for x in self.table.at(0.0))
-        never = float(np.sign(bf1 if eta1 == eta2 == 1 else (bf1 - bf2) / (eta1 - 1 / eta2)))
-        stuck = [(STUCK, upper, lower) for upper in (1, -1) for lower in (1, -1) if (upper, lower) != (never, never)]
-        return (*stuck, *((way, driver, 0) for way in (FORWARD, BACKWARD) for driver in (1, -1)))
+    def _ranges(self) -> list[tuple[float, float]]:
+        """Ranges of |w_a| [rad/s] in which no line of bearing friction passes zero."""
+        levels, slopes = self.table.at(0.0)[2:], self.table.slopes()[2:]
+        zeros = {-level / slope for level, slope in zip(levels, slopes, strict=True) if level > 0 > slope}
+        return list(pairwise([0.0, *sorted(zeros), inf]))
 
     def branches(self, v: Variables) -> tuple[Branch, ...]:
-        return tuple(self.branch(v, number) for number in range(len(self._pieces)))
-
-    def branch(self, v: Variables, number: int) -> Branch:
-        mode, first, second = self._pieces[number]
-        if mode == FREE:
-            return self._branch(v, FREE, v.unknown(1), ())
-        return self._stuck(v, first, second) if mode == STUCK else self._rolling(v, mode, first)
+        if self.table.rows == IDEAL:
+            return (self._branch(v, FREE, v.unknown(1), ()),)
+        eta1, eta2, bf1, bf2 = self.table.at(0.0)[:, None]
+        # stuck, one combination cannot be: between the two torques at which the driver changes, both or none drive
+        never = float(np.sign(_switch(float(eta1[0]), float(eta2[0]), bf1, bf2))[0])
+        stuck = [(upper, lower) for upper in (1, -1) for lower in (1, -1) if (upper, lower) != (never, never)]
+        rolling = [
+            (way, driver, range_) for way in (FORWARD, BACKWARD) for driver in (1, -1) for range_ in self._ranges
+        ]
+        return (*(self._stuck(v, *sides) for sides in stuck), *(self._rolling(v, *piece) for piece in rolling))
 
     def _branch(
         self,
@@ -126,14 +127,25 @@ class LossyGear(Component):
             powers={"lossPower": (loss, w_a)},
         )
 
-    def _rolling(self, v: Variables, direction: int, driver: int) -> Branch:
+    def _rolling(self, v: Variables, direction: int, driver: int, between: tuple[float, float]) -> Branch:
         """Flange_a drives (eta_mf1), or flange_b (eta_mf2); the torque at flange_a tells which."""
         tau_a, loss = v.unknown(0), v.unknown(1)
         turns = direction * (v.w("flange_a") - v.w("support"))
-        share, bearing, switch = self._values(v, turns, driver)
-        margin = direction * tau_a - switch
+        eta1, eta2, *levels = self.table.values(0.0)
+        slopes, low, high = self.table.slopes()[2:], *between
+        middle = low + 1.0 if high == inf else 0.5 * (low + high)
+        bf1, bf2 = (
+            (1.0 if level + slope * middle >= 0 else -1.0) * (level * v.one + slope * turns)
+            for level, slope in zip(levels, slopes, strict=True)
+        )
+        share, bearing = (1 - eta1, bf1) if driver > 0 else (1 - 1 / eta2, bf2)
         equation = loss - share * tau_a - direction * bearing
-        return self._branch(v, direction, equation, (driver * margin,), (turns,))
+        holds = [driver * (direction * tau_a - _switch(eta1, eta2, bf1, bf2))]
+        if low > 0:
+            holds.append(turns - low * v.one)
+        if high < inf:
+            holds.append(high * v.one - turns)
+        return self._branch(v, direction, equation, tuple(holds), (turns,))
 
     def _stuck(self, v: Variables, upper_side: int, lower_side: int) -> Branch:
         """The loss holds the gear while it lies within limits; each limit has two pieces, by who would drive."""
@@ -149,18 +161,6 @@ class LossyGear(Component):
         )
         w_a, a_a = v.w("flange_a") - v.w("support"), v.a("flange_a") - v.a("support")
         return self._branch(v, STUCK, a_a, holds, stops=(w_a,))
-
-    def _values(self, v: Variables, speed: Row, driver: int) -> tuple[float, Row, Row]:
-        """Share of the torque at flange_a that is lost, bearing friction, and where the driver changes, at `speed`."""
-        if self.affine:
-            eta1, eta2, bf1, bf2 = self._at_rest(v)
-            slope1, slope2 = self.table.slopes()[2:]
-            bf1, bf2 = bf1 + slope1 * speed, bf2 + slope2 * speed
-            return *((1 - eta1, bf1) if driver > 0 else (1 - 1 / eta2, bf2)), _switch(eta1, eta2, bf1, bf2)
-        switch = v.curve(Curve(Shape.DRIVER, self.table.rows), speed) * v.one
-        shape, efficiency, bearing = (Shape.TABLE, 0, 2) if driver > 0 else (Shape.RECIPROCAL, 1, 3)
-        kept = v.curve(Curve(shape, self.table.column(efficiency), "LossyGear.lossTable: the efficiency"), speed)
-        return 1 - kept, v.curve(Curve(Shape.TABLE, self.table.column(bearing)), speed) * v.one, switch
 
     def _at_rest(self, v: Variables) -> tuple[float, float, Row, Row]:
         eta1, eta2, bf1, bf2 = self.table.values(0.0)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from sim.errors import number
 from sim.rotational.component import BACKWARD, FORWARD, FREE, STUCK, Row, Variables
 from sim.rotational.components.tables import SpeedTable
-from sim.rotational.curves import Curve, Shape
 
 
 @dataclass(frozen=True)
@@ -45,17 +44,9 @@ def friction_pieces(
     )
 
 
-def table_row(table: SpeedTable, column: int, v: Variables, speed: Row, factor: Row | None = None) -> Row:
-    """Return the table's value at the row |w| as a row, times `factor` where given.
-
-    A straight table is a straight line of the speed (factor one) or, when constant, scales any factor; else it is a
-    curve.
-    """
-    if factor is None and table.straight:
-        return float(table.at(0.0)[column]) * v.one + float(table.slopes()[column]) * speed
-    curve = Curve(Shape.TABLE, table.column(column))
-    value = float(table.at(0.0)[column]) if table.constant else v.curve(curve, speed)
-    return value * (v.one if factor is None else factor)
+def table_row(table: SpeedTable, v: Variables, speed: Row) -> Row:
+    """Return the value of a straight table at the row |w|, as a row."""
+    return float(table.at(0.0)[0]) * v.one + float(table.slopes()[0]) * speed
 
 
 def check_peak(name: str, peak: object) -> float:

@@ -34,13 +34,9 @@ class SpeedTable:
         share = (abs(w) - lower[0]) / (upper[0] - lower[0])
         return [low + share * (high - low) for low, high in zip(lower[1:], upper[1:], strict=True)]
 
-    def column(self, number: int) -> tuple[tuple[float, ...], ...]:
-        """Rows of |w| and one value."""
-        return tuple((row[0], row[1 + number]) for row in self.rows)
-
     def slopes(self) -> NDArray[np.float64]:
-        """Change of each value per rad/s in the first piece, shape (columns - 1,)."""
-        return self.at(1.0) - self.at(0.0) if self.straight else np.zeros(len(self.rows[0]) - 1)
+        """Change of each value per rad/s of a straight table, shape (columns - 1,)."""
+        return self.at(1.0) - self.at(0.0)
 
     @cached_property
     def straight(self) -> bool:
@@ -76,6 +72,20 @@ def speed_table(name: str, rows: object, columns: int) -> SpeedTable:
         if i and checked[i][0] <= checked[i - 1][0]:
             raise ParameterError(f"{name}[{i}][0]: speeds must ascend, got {checked[i][0]:g} rad/s")
     return SpeedTable(tuple(checked))
+
+
+def straight_table(name: str, rows: object, columns: int) -> SpeedTable:
+    """Return a checked table whose rows lie on one straight line.
+
+    Raises
+    ------
+    ParameterError
+        where a column bends: the law would change with the speed in another way than the exact solution has it.
+    """
+    table = speed_table(name, rows, columns)
+    if not table.straight:
+        raise ParameterError(f"{name}: the rows must lie on one straight line over the speed; no bent table is solved")
+    return table
 
 
 def _is_row(rows: object) -> bool:
