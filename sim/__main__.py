@@ -9,7 +9,6 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import Noise
 from sim.experiment.paper_axis import PAPER_AXIS
 from sim.experiment.virtual_measurement import measure
-from sim.rotational.components import QuadraticSpeedDependentTorque
 from sim.solver import simulate
 
 
@@ -17,8 +16,6 @@ def main() -> int:
     """Run all engines, that of investigations for one and two stages; what they compile is cached beside the code."""
     train = drive_train_of(PAPER_AXIS)
     simulate(train, 0.05, 1000.0)
-    dragged = train.add("drag", QuadraticSpeedDependentTorque(-1, 1), flange="load.flange_b")
-    simulate(dragged, 0.05, 1000.0)["load.a"]
     for stages in (PAPER_AXIS.stages[-1:], PAPER_AXIS.stages):
         axis = replace(PAPER_AXIS, stages=stages)
         seen = examine(axis, measure(axis, 2.0, seed=0).telemetry).measurement

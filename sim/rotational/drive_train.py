@@ -64,7 +64,7 @@ class DriveTrain:
         return all(component.affine for component in self.components.values())
 
     @classmethod
-    def series(cls, **parts: Component | Gearbox) -> "DriveTrain":
+    def series(cls, /, **parts: Component | Gearbox) -> "DriveTrain":
         """Connect parts in the order given: each one's last flange to the next one's first.
 
         A part with one flange (a source, Fixed) stands at an end, or hangs between its neighbours.

@@ -160,8 +160,9 @@ def shaft_friction_of(name: str, part: Component) -> ShaftFriction:
         return part
     if isinstance(part, Damper):
         return ShaftFriction(viscous=part.d)
-    if isinstance(part, BearingFriction) and part.table.straight and part.peak == 1:
-        return ShaftFriction(coulomb=float(part.table.at(0.0)[0]), viscous=float(part.table.slopes()[0]))
+    if isinstance(part, BearingFriction) and len(part.table.lines) == 1 and part.peak == 1:
+        (line,) = part.table.lines
+        return ShaftFriction(coulomb=float(line.levels[0]), viscous=float(line.slopes[0]))
     raise CompositionError(f"{name}: friction over a bent table or with a peak has no place in shafts in series")
 
 

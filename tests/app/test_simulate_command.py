@@ -30,7 +30,7 @@ def test_one_run_with_two_mechanisms(described: Path, tmp_path: Path) -> None:
         --duration 3 --seed 5 --plot --json --out {out}""".split()
     done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=True)
     document = json.loads(done.stdout)
-    assert document["engine"] == "runge-kutta"
+    assert document["engine"] == "chain"
     assert [Path(name).name for name in document["files"]] == [
         "axis.toml", "telemetry.csv", "sound.wav", "run.png", "run.svg",
     ]  # fmt: skip

@@ -1,27 +1,32 @@
 """The engines against each other, against the sample rate, and against a disturbance."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sim.errors import RunError
+from sim.errors import CompositionError, ParameterError
 from sim.rotational.component import Component
 from sim.rotational.components import (
     BearingFriction,
+    Clutch,
+    ConstantSpeed,
     ElastoBacklash,
+    Fixed,
     Gearbox,
     Inertia,
     LossyGear,
-    QuadraticSpeedDependentTorque,
     Sine,
+    Spring,
     Torque,
 )
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import Trajectory
-from sim.solver import simulate
-from tests.sim.rotational import modelica_examples as examples
+from sim.solver import Engine, simulate
 
+ENGINES: tuple[Engine, ...] = ("exact", "chain")
+GEAR = [0, 0.9, 0.9, 0, 0]
 STATES = ("motor.phi", "motor.w", "gear.elastoBacklash.phi_rel", "gear.elastoBacklash.w_rel")
 
 
@@ -45,19 +50,13 @@ def difference(a: Trajectory, b: Trajectory, names: tuple[str, ...] = STATES, st
     [axis(d=200, b=1e-3), axis(50, d=200), axis(40, d=1000, b=1e-3)],
     ids=["backlash", "no backlash", "strongly damped"],
 )
-def test_exact_and_runge_kutta_agree_on_damped_axes(train: DriveTrain) -> None:
-    exact, other = (simulate(train, 3.0, 200.0, engine=engine) for engine in ("exact", "runge-kutta"))
-    assert difference(exact, other) < 1e-9
-    assert [e[1:] for e in exact.events] == [e[1:] for e in other.events]
-    assert (exact.engine, other.engine) == ("exact", "runge-kutta")
-
-
-@pytest.mark.parametrize("build", [examples.friction, examples.coupled_clutches, examples.one_way_clutch])
-def test_clutches_and_brakes_agree(build: object) -> None:
-    train = build()  # type: ignore[operator]
-    exact, other = (simulate(train, 1.4, 200.0, engine=engine) for engine in ("exact", "runge-kutta"))
-    names = tuple(f"{name}.w" for name, part in train.components.items() if isinstance(part, Inertia))
-    assert difference(exact, other, names) < 1e-9
+def test_exact_and_chain_agree_on_damped_axes(train: DriveTrain) -> None:
+    """Matrix exponentials and Runge-Kutta share no code: modes, instants of events and states are the same."""
+    exact, other = (simulate(train, 3.0, engine=engine) for engine in ENGINES)
+    assert difference(exact, other) < 1e-8
+    assert [e[1:4] for e in exact.events] == [e[1:4] for e in other.events]
+    assert [e.time_s for e in exact.events] == pytest.approx([e.time_s for e in other.events], abs=1e-9)
+    assert (exact.engine, other.engine) == ENGINES
 
 
 def test_the_solution_does_not_depend_on_the_sample_rate() -> None:
@@ -98,54 +97,31 @@ def test_events_do_not_storm_where_the_gap_is_negligible() -> None:
     assert not [event for event in result.events if event.component == "gear.elastoBacklash"]
 
 
-def test_one_loss_law_in_one_row_or_many() -> None:
-    """A table of equal rows is not affine by its form, but the same law: both engines agree."""
-    row = [0.9, 0.8, 0.3, 0.5]
-
-    def train(table: list[list[float]]) -> DriveTrain:
-        return DriveTrain.series(
-            torque=Torque(Sine(12.0, 1.0)),
-            motor=Inertia(J=0.6),
-            gear=LossyGear(ratio=5, lossTable=table),
-            load=Inertia(J=20),
-        )
-
-    flat = simulate(train([[0, *row]]), 2.0, 200.0)
-    bent = simulate(train([[0, *row], [50, 0.9, 0.8, 0.3, 0.5000001]]), 2.0, 200.0, engine="runge-kutta")
-    np.testing.assert_allclose(bent["load.w"], flat["load.w"], atol=2e-8)
-    assert [e[1:] for e in bent.events] == [e[1:] for e in flat.events]
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        (lambda: LossyGear(5, [[0, 0.9, 0.9, 0.5, 0.5], [1, 0.6, 0.6, 1, 1]]), "efficiencies must be the same"),
+        (lambda: Clutch(fn_max=1, mu_pos=[[0, 0.5], [5, 0.3]], f_normalized=Sine(1, 1)), "product of speed and signal"),
+    ],
+)
+def test_a_law_that_multiplies_two_variables_is_refused(part: Callable[[], Component], words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        part()
 
 
-def test_efficiency_that_depends_on_speed_needs_runge_kutta() -> None:
-    train = DriveTrain.series(
-        torque=Torque(Sine(12.0, 1.0)),
-        motor=Inertia(J=0.6),
-        gear=LossyGear(ratio=5, lossTable=[[0, 0.9, 0.9, 0.5, 0.5], [1, 0.6, 0.6, 1, 1], [2, 0.5, 0.5, 1, 1]]),
-        load=Inertia(J=20),
-    )
-    assert not train.affine
-    with pytest.raises(RunError, match="gear is not"):
-        simulate(train, 1.0, engine="exact")
-    result = simulate(train, 1.0, 500.0, engine="runge-kutta")
-    power_in = result["torque.tau"] * result["motor.w"]
-    assert result.engine == "runge-kutta"
-    assert np.ptp(result["load.w"]) > 0.01
-    assert result["gear.lossPower"].min() >= -1e-9
-    assert power_in.max() > 0
+def test_a_torque_at_a_free_spring_end_is_the_springs() -> None:
+    train = DriveTrain.series(shaft=Inertia(J=1, phi=0, w=0), spring=Spring(c=10), torque=Torque(Sine(1.0, 0.5)))
+    result = simulate(train, 1.0, 100.0)
+    np.testing.assert_allclose(result["spring.phi_rel"], 0.1 * np.sin(np.pi * result.time_s), atol=1e-12)
 
 
-def test_a_gear_shift_changes_the_ratio() -> None:
-    """The brake holds the ring: 1/(1 + ratio) of the engine's speed; the clutch locks ring to sun: all of it."""
-    result = simulate(examples.simple_gear_shift(), 3.0, 100.0)
-    before, after = result.time_s < 2.0, result.time_s > 2.3
-    np.testing.assert_allclose(result["load.w"][before], result["engine.w"][before] / 2.5, atol=1e-9)
-    np.testing.assert_allclose(result["load.w"][after], result["engine.w"][after], atol=1e-9)
-
-
-def test_quadratic_drag_ends_at_its_balance() -> None:
-    drag: Component = QuadraticSpeedDependentTorque(tau_nominal=-20, w_nominal=10, TorqueDirection=False)
-    train = DriveTrain.series(torque=Torque(Sine(5.0, 1e-6, phase=np.pi / 2)), shaft=Inertia(J=0.1), drag=drag)
-    assert simulate(train, 5.0, 50.0)["shaft.w"][-1] == pytest.approx(5.0, rel=1e-6)
+def test_what_cannot_be_simulated_is_refused_in_true_words() -> None:
+    loop = DriveTrain.series(torque=Torque(Sine(1.0, 1.0)), a=Inertia(J=1), g=LossyGear(2, GEAR), b=Inertia(J=1))
+    loop = loop.add("h", LossyGear(2, GEAR), flange_a="a.flange_b", flange_b="b.flange_a")
+    fixed = DriveTrain.series(fixed=Fixed(), source=ConstantSpeed(1.0))
+    for train, words in ((loop, r"loop of rigid parts \(g, h\)"), (fixed, "is fixed"), (DriveTrain(), "at least one")):
+        with pytest.raises(CompositionError, match=words):
+            simulate(train, 1.0, 100.0)
 
 
 def test_coupled_friction_is_decided_together() -> None:

@@ -6,8 +6,8 @@ from functools import cached_property
 from typing import ClassVar
 
 from sim.rotational.component import Branch, Component, Row, Variables
-from sim.rotational.components.sliding import check_peak, friction_pieces, table_row
-from sim.rotational.components.tables import SpeedTable, straight_table
+from sim.rotational.components.sliding import check_peak, friction_pieces, sliding_torques
+from sim.rotational.components.tables import SpeedTable, speed_table
 
 
 @dataclass(frozen=True)
@@ -17,8 +17,7 @@ class BearingFriction(Component):
     Parameters
     ----------
     tau_pos
-        Rows [w, tau]: friction torque [N.m] over speed [rad/s] for w >= 0, on one straight line; turned round,
-        backward.
+        Rows [w, tau]: friction torque [N.m] over speed [rad/s] for w >= 0; the same, turned round, backward.
     peak
         Torque that breaks the shaft away over torque at the onset of sliding, >= 1.
     """
@@ -31,7 +30,7 @@ class BearingFriction(Component):
     units: ClassVar[Mapping[str, str]] = {"phi": "rad", "w": "rad/s", "tau": "N.m", "lossPower": "W", "mode": "1"}
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "tau_pos", straight_table("BearingFriction.tau_pos", self.tau_pos, 2).rows)
+        object.__setattr__(self, "tau_pos", speed_table("BearingFriction.tau_pos", self.tau_pos, 2).rows)
         check_peak("BearingFriction", self.peak)
 
     @cached_property
@@ -49,7 +48,7 @@ class BearingFriction(Component):
         through, tau = v.unknown(0), v.unknown(1)
         w = v.w("flange_a") - v.w("support")
         a = v.a("flange_a") - v.a("support")
-        pieces = friction_pieces(v, tau, w, a, lambda speed: table_row(self.table, v, speed), self.peak)
+        pieces = friction_pieces(v, tau, w, a, lambda speed: sliding_torques(self.table, v, speed, v.one), self.peak)
         return tuple(
             Branch(
                 torques={"flange_a": through, "flange_b": tau - through, "support": -tau},

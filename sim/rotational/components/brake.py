@@ -35,7 +35,7 @@ class Brake(Pressed):
         through, tau = v.unknown(0), v.unknown(1)
         w = v.w("flange_a") - v.w("support")
         a = v.a("flange_a") - v.a("support")
-        pieces = friction_pieces(v, tau, w, a, lambda speed: self.torque_at(v, speed), self.peak, self.pressing(v))
+        pieces = friction_pieces(v, tau, w, a, lambda speed: self.torques_at(v, speed), self.peak, self.pressing(v))
         phi = v.phi("flange_a") - v.phi("support")
         return tuple(
             Branch(

@@ -8,9 +8,9 @@ from typing import ClassVar
 from sim.errors import ParameterError, number
 from sim.rotational.component import FORWARD, STUCK, Branch, Component, Row, Signal, Start, Variables
 from sim.rotational.components.signals import Constant
-from sim.rotational.components.sliding import Piece, check_peak, friction_pieces, table_row
+from sim.rotational.components.sliding import Piece, Sliding, check_peak, friction_pieces, sliding_torques
 from sim.rotational.components.start_values import check_starts
-from sim.rotational.components.tables import SpeedTable, straight_table
+from sim.rotational.components.tables import SpeedTable, speed_table
 
 ALWAYS = Constant(1.0)
 RELATIVE_HYSTERESIS = 1e-4
@@ -28,8 +28,8 @@ class Pressed(Component):
     f_normalized
         Signal; nothing presses where it is <= 0.
     mu_pos
-        Rows [w, mu]: friction coefficient over speed [rad/s], w >= 0; constant, or a straight line under a constant
-        force.
+        Rows [w, mu]: friction coefficient over speed [rad/s], w >= 0; constant where the
+        force changes.
     peak
         mu that breaks away over mu at the onset of sliding, >= 1.
     cgeo
@@ -47,7 +47,7 @@ class Pressed(Component):
         number(f"{name}.fn_max", self.fn_max, "N", at_least=0)
         number(f"{name}.cgeo", self.cgeo, "m", at_least=0)
         check_peak(name, self.peak)
-        object.__setattr__(self, "mu_pos", straight_table(f"{name}.mu_pos", self.mu_pos, 2).rows)
+        object.__setattr__(self, "mu_pos", speed_table(f"{name}.mu_pos", self.mu_pos, 2).rows)
         if not (self.table.constant or isinstance(self.f_normalized, Constant)):
             raise ParameterError(
                 f"{name}.mu_pos: mu must be the same at all speeds where f_normalized changes; "
@@ -66,11 +66,9 @@ class Pressed(Component):
         """Normal force times geometry [N.m]."""
         return self.cgeo * self.fn_max * v.signal(0)
 
-    def torque_at(self, v: Variables, speed: Row) -> Row:
-        if self.table.constant:
-            return float(self.table.at(0.0)[0]) * self.pressing(v)
-        assert isinstance(self.f_normalized, Constant)
-        return self.cgeo * self.fn_max * self.f_normalized.k * table_row(self.table, v, speed)
+    def torques_at(self, v: Variables, speed: Row) -> list[Sliding]:
+        level = self.f_normalized.k if isinstance(self.f_normalized, Constant) else 0.0
+        return sliding_torques(self.table, v, speed, self.pressing(v), self.cgeo * self.fn_max * level)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +106,7 @@ class Clutch(Pressed):
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         tau = v.unknown(0)
         pieces = friction_pieces(
-            v, tau, v.w_rel, v.a_rel, lambda speed: self.torque_at(v, speed), self.peak, self.pressing(v)
+            v, tau, v.w_rel, v.a_rel, lambda speed: self.torques_at(v, speed), self.peak, self.pressing(v)
         )
         return tuple(self._between(v, piece) for piece in pieces)
 
@@ -133,13 +131,12 @@ class OneWayClutch(Clutch):
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         tau, pressing = v.unknown(0), self.pressing(v)
         peak = max(self.peak, 1 + RELATIVE_HYSTERESIS)
-        least = RELATIVE_HYSTERESIS * float(self.table.at(0.0)[0]) * self.cgeo * self.fn_max * v.one
-        limit = peak * self.torque_at(v, 0 * v.one)
-        sliding = tau - self.torque_at(v, v.w_rel)
+        least = RELATIVE_HYSTERESIS * float(self.table.at_rest[0]) * self.cgeo * self.fn_max * v.one
+        limit = peak * self.torques_at(v, 0 * v.one)[0].torque
         pieces = (
             Piece(STUCK, v.a_rel, (-pressing, least - tau), stops=(v.w_rel,)),
             Piece(STUCK, v.a_rel, (limit - tau,), (pressing,), stops=(v.w_rel,)),
             Piece(FORWARD, tau, (-pressing,), (v.w_rel,)),
-            Piece(FORWARD, sliding, (), (v.w_rel, pressing)),
+            *(Piece(FORWARD, tau - one.torque, one.holds, (v.w_rel, pressing)) for one in self.torques_at(v, v.w_rel)),
         )
         return tuple(self._between(v, piece) for piece in pieces)

@@ -12,7 +12,7 @@ import numpy as np
 from sim.errors import ParameterError
 from sim.rotational.component import BACKWARD, FORWARD, FREE, STUCK, Branch, Component, Row, Variables
 from sim.rotational.components.ideal_gear import gear_ratio
-from sim.rotational.components.tables import SpeedTable, straight_table
+from sim.rotational.components.tables import Line, SpeedTable, speed_table
 
 IDEAL = ((0.0, 1.0, 1.0, 0.0, 0.0),)
 
@@ -30,8 +30,8 @@ class LossyGear(Component):
     lossTable
         Rows [|w_a|, eta_mf1, eta_mf2, |tau_bf1|, |tau_bf2|]: speed [rad/s], efficiency of the mesh and bearing friction
         at flange_a [N.m] when flange_a (1) or flange_b (2) drives. One row: the same at all speeds. Of several, the
-        efficiencies must be the same and bearing friction lie on straight lines; where such a line falls below zero
-        its absolute value counts, as in Modelica.
+        efficiencies must be the same; where bearing friction falls below zero beyond them its absolute value counts,
+        as in Modelica.
     """
 
     ratio: float
@@ -51,7 +51,7 @@ class LossyGear(Component):
 
     def __post_init__(self) -> None:
         gear_ratio("LossyGear.ratio", self.ratio)
-        table = straight_table("LossyGear.lossTable", self.lossTable, 5)
+        table = speed_table("LossyGear.lossTable", self.lossTable, 5)
         for i, row in enumerate(table.rows):
             for j in (1, 2):
                 if not 0 < row[j] <= 1:
@@ -80,22 +80,26 @@ class LossyGear(Component):
         return (a - self.ratio * b,)
 
     @cached_property
-    def _ranges(self) -> list[tuple[float, float]]:
-        """Ranges of |w_a| [rad/s] in which no line of bearing friction passes zero."""
-        levels, slopes = self.table.at(0.0)[2:], self.table.slopes()[2:]
-        zeros = {-level / slope for level, slope in zip(levels, slopes, strict=True) if level > 0 > slope}
-        return list(pairwise([0.0, *sorted(zeros), inf]))
+    def _lines(self) -> list[Line]:
+        """Straight pieces of the table on which no bearing friction passes zero, all of it positive."""
+        out = []
+        for low, high, levels, slopes in self.table.lines:
+            zeros = -levels[2:] / np.where(slopes[2:] != 0, slopes[2:], np.inf)
+            edges = [low, *sorted({zero for zero in zeros.tolist() if low < zero < high}), high]
+            for start, end in pairwise(edges):
+                middle = start + 1.0 if end == inf else 0.5 * (start + end)
+                sign = np.where(levels + slopes * middle < 0, -1.0, 1.0)
+                out.append(Line(start, end, sign * levels, sign * slopes))
+        return out
 
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         if self.table.rows == IDEAL:
             return (self._branch(v, FREE, v.unknown(1), ()),)
-        eta1, eta2, bf1, bf2 = self.table.at(0.0)[:, None]
+        eta1, eta2, bf1, bf2 = self._lines[0].levels[:, None]
         # stuck, one combination cannot be: between the two torques at which the driver changes, both or none drive
         never = float(np.sign(_switch(float(eta1[0]), float(eta2[0]), bf1, bf2))[0])
         stuck = [(upper, lower) for upper in (1, -1) for lower in (1, -1) if (upper, lower) != (never, never)]
-        rolling = [
-            (way, driver, range_) for way in (FORWARD, BACKWARD) for driver in (1, -1) for range_ in self._ranges
-        ]
+        rolling = [(way, driver, line) for way in (FORWARD, BACKWARD) for driver in (1, -1) for line in self._lines]
         return (*(self._stuck(v, *sides) for sides in stuck), *(self._rolling(v, *piece) for piece in rolling))
 
     def _branch(
@@ -127,30 +131,22 @@ class LossyGear(Component):
             powers={"lossPower": (loss, w_a)},
         )
 
-    def _rolling(self, v: Variables, direction: int, driver: int, between: tuple[float, float]) -> Branch:
+    def _rolling(self, v: Variables, direction: int, driver: int, line: Line) -> Branch:
         """Flange_a drives (eta_mf1), or flange_b (eta_mf2); the torque at flange_a tells which."""
         tau_a, loss = v.unknown(0), v.unknown(1)
         turns = direction * (v.w("flange_a") - v.w("support"))
-        eta1, eta2, *levels = self.table.values(0.0)
-        slopes, low, high = self.table.slopes()[2:], *between
-        middle = low + 1.0 if high == inf else 0.5 * (low + high)
-        bf1, bf2 = (
-            (1.0 if level + slope * middle >= 0 else -1.0) * (level * v.one + slope * turns)
-            for level, slope in zip(levels, slopes, strict=True)
-        )
+        eta1, eta2 = line.levels[:2].tolist()
+        bf1, bf2 = (line.levels[i] * v.one + line.slopes[i] * turns for i in (2, 3))
         share, bearing = (1 - eta1, bf1) if driver > 0 else (1 - 1 / eta2, bf2)
         equation = loss - share * tau_a - direction * bearing
-        holds = [driver * (direction * tau_a - _switch(eta1, eta2, bf1, bf2))]
-        if low > 0:
-            holds.append(turns - low * v.one)
-        if high < inf:
-            holds.append(high * v.one - turns)
-        return self._branch(v, direction, equation, tuple(holds), (turns,))
+        drives = driver * (direction * tau_a - _switch(eta1, eta2, bf1, bf2))
+        return self._branch(v, direction, equation, (drives, *line.holds(v, turns)), (turns,))
 
     def _stuck(self, v: Variables, upper_side: int, lower_side: int) -> Branch:
         """The loss holds the gear while it lies within limits; each limit has two pieces, by who would drive."""
         tau_a, loss = v.unknown(0), v.unknown(1)
-        eta1, eta2, bf1, bf2 = self._at_rest(v)
+        eta1, eta2, *bearings = self._lines[0].levels.tolist()
+        bf1, bf2 = (bearing * v.one for bearing in bearings)
         switch = _switch(eta1, eta2, bf1, bf2)
         upper, lower = ((1 - eta1, bf1) if side > 0 else (1 - 1 / eta2, bf2) for side in (upper_side, lower_side))
         holds = (
@@ -161,10 +157,6 @@ class LossyGear(Component):
         )
         w_a, a_a = v.w("flange_a") - v.w("support"), v.a("flange_a") - v.a("support")
         return self._branch(v, STUCK, a_a, holds, stops=(w_a,))
-
-    def _at_rest(self, v: Variables) -> tuple[float, float, Row, Row]:
-        eta1, eta2, bf1, bf2 = self.table.values(0.0)
-        return eta1, eta2, bf1 * v.one, bf2 * v.one
 
 
 def _switch(eta1: float, eta2: float, bf1: Row, bf2: Row) -> Row:

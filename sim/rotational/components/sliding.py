@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from sim.errors import number
 from sim.rotational.component import BACKWARD, FORWARD, FREE, STUCK, Row, Variables
@@ -19,34 +20,44 @@ class Piece:
     stops: tuple[Row, ...] = ()
 
 
+class Sliding(NamedTuple):
+    """A piece of the torque of sliding friction, and the rows that are >= 0 while the speed lies on it."""
+
+    torque: Row
+    holds: tuple[Row, ...]
+
+
 def friction_pieces(
     v: Variables,
     tau: Row,
     speed: Row,
     acceleration: Row,
-    torque_at: Callable[[Row], Row],
+    torques_at: Callable[[Row], list[Sliding]],
     peak: float,
     pressing: Row | None = None,
 ) -> tuple[Piece, ...]:
     """Return the branches of a friction torque `tau` against `speed`.
 
-    `torque_at` gives the sliding torque as a row for a row |w|; stuck, the torque may reach `peak` times the one at
-    standstill. Stuck stands before sliding: where both are possible, a shaft that came to rest stays at rest.
+    `torques_at` gives, for a row |w|, the pieces of the sliding torque; stuck, the torque may reach `peak` times the
+    one at standstill. Stuck stands before sliding: where both are possible, a shaft that came to rest stays at rest.
     """
-    limit = peak * torque_at(0 * v.one)
+    limit = peak * torques_at(0 * v.one)[0].torque
     pressed = () if pressing is None else (pressing,)
     free = () if pressing is None else (Piece(FREE, tau, (-pressing,)),)
-    return (
-        *free,
-        Piece(STUCK, acceleration, (limit - tau, limit + tau), pressed, stops=(speed,)),
-        Piece(FORWARD, tau - torque_at(speed), (), (speed, *pressed)),
-        Piece(BACKWARD, tau + torque_at(-speed), (), (-speed, *pressed)),
-    )
+    sliding = [
+        Piece(way, tau - way * one.torque, one.holds, (way * speed, *pressed))
+        for way in (FORWARD, BACKWARD)
+        for one in torques_at(way * speed)
+    ]
+    return (*free, Piece(STUCK, acceleration, (limit - tau, limit + tau), pressed, stops=(speed,)), *sliding)
 
 
-def table_row(table: SpeedTable, v: Variables, speed: Row) -> Row:
-    """Return the value of a straight table at the row |w|, as a row."""
-    return float(table.at(0.0)[0]) * v.one + float(table.slopes()[0]) * speed
+def sliding_torques(table: SpeedTable, v: Variables, speed: Row, factor: Row, gain: float = 1.0) -> list[Sliding]:
+    """Return the pieces of the first column at the row |w|, times `factor`; what rises with the speed times `gain`."""
+    return [
+        Sliding(float(line.levels[0]) * factor + float(line.slopes[0]) * gain * speed, line.holds(v, speed))
+        for line in table.lines
+    ]
 
 
 def check_peak(name: str, peak: object) -> float:

@@ -1,13 +1,32 @@
 """Tables over speed: straight between rows, and through the last two rows beyond them (Modelica's CombiTable1D)."""
 
-from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
+from math import inf
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import ParameterError, number
+from sim.rotational.component import Row, Variables
+
+Array = NDArray[np.float64]
+
+
+class Line(NamedTuple):
+    """A straight piece of a table, between the speeds `low` and `high` [rad/s]: each value is level + slope |w|."""
+
+    low: float
+    high: float
+    levels: Array
+    slopes: Array
+
+    def holds(self, v: Variables, turns: Row) -> tuple[Row, ...]:
+        """Rows that are >= 0 while the speed `turns` lies on this piece."""
+        above = (turns - self.low * v.one,) if self.low > 0 else ()
+        return (*above, self.high * v.one - turns) if self.high < inf else above
 
 
 @dataclass(frozen=True)
@@ -17,35 +36,23 @@ class SpeedTable:
     rows: tuple[tuple[float, ...], ...]
 
     @cached_property
-    def _speeds(self) -> list[float]:
-        return [row[0] for row in self.rows]
-
-    def at(self, w: float) -> NDArray[np.float64]:
-        """Values at the speed |w|, shape (columns - 1,)."""
-        return np.array(self.values(w))
-
-    def values(self, w: float) -> list[float]:
-        """Values at the speed |w|."""
-        rows = self.rows
-        if len(rows) == 1:
-            return list(rows[0][1:])
-        i = min(max(bisect_right(self._speeds, abs(w)) - 1, 0), len(rows) - 2)
-        lower, upper = rows[i], rows[i + 1]
-        share = (abs(w) - lower[0]) / (upper[0] - lower[0])
-        return [low + share * (high - low) for low, high in zip(lower[1:], upper[1:], strict=True)]
-
-    def slopes(self) -> NDArray[np.float64]:
-        """Change of each value per rad/s of a straight table, shape (columns - 1,)."""
-        return self.at(1.0) - self.at(0.0)
-
-    @cached_property
-    def straight(self) -> bool:
-        """Whether all rows lie on one straight line, in every column."""
+    def lines(self) -> tuple[Line, ...]:
+        """Straight pieces from standstill on; the first and the last reach beyond the rows."""
         table = np.array(self.rows)
-        if len(table) <= 2:
-            return True
-        first = table[0] + np.outer((table[:, 0] - table[0, 0]) / (table[1, 0] - table[0, 0]), table[1] - table[0])
-        return bool(np.allclose(first, table, rtol=1e-13, atol=0))
+        if self.constant:
+            return (Line(0.0, inf, table[0, 1:], 0.0 * table[0, 1:]),)
+        slopes = np.diff(table[:, 1:], axis=0) / np.diff(table[:, 0])[:, None]
+        bends = [i for i in range(1, len(slopes)) if not np.allclose(slopes[i], slopes[i - 1], rtol=1e-12, atol=0)]
+        edges = [0.0, *table[bends, 0].tolist(), inf]
+        return tuple(
+            Line(low, high, table[i, 1:] - slopes[i] * table[i, 0], slopes[i])
+            for i, (low, high) in zip([0, *bends], pairwise(edges), strict=True)
+        )
+
+    @property
+    def at_rest(self) -> Array:
+        """Values at standstill, shape (columns - 1,)."""
+        return self.lines[0].levels
 
     @cached_property
     def constant(self) -> bool:
@@ -72,20 +79,6 @@ def speed_table(name: str, rows: object, columns: int) -> SpeedTable:
         if i and checked[i][0] <= checked[i - 1][0]:
             raise ParameterError(f"{name}[{i}][0]: speeds must ascend, got {checked[i][0]:g} rad/s")
     return SpeedTable(tuple(checked))
-
-
-def straight_table(name: str, rows: object, columns: int) -> SpeedTable:
-    """Return a checked table whose rows lie on one straight line.
-
-    Raises
-    ------
-    ParameterError
-        where a column bends: the law would change with the speed in another way than the exact solution has it.
-    """
-    table = speed_table(name, rows, columns)
-    if not table.straight:
-        raise ParameterError(f"{name}: the rows must lie on one straight line over the speed; no bent table is solved")
-    return table
 
 
 def _is_row(rows: object) -> bool:

@@ -11,20 +11,17 @@ from sim.rotational.components import (
     ElastoBacklash,
     Fixed,
     IdealGear,
-    IdealPlanetary,
     Inertia,
     LossyGear,
     OneWayClutch,
     Product,
     Pulse,
-    QuadraticSpeedDependentTorque,
     Ramp,
     Sine,
     Spring,
     SpringDamper,
     Step,
     Torque,
-    TorqueStep,
 )
 from sim.rotational.drive_train import DriveTrain
 
@@ -130,29 +127,6 @@ def coupled_clutches() -> DriveTrain:
     )
 
 
-def simple_gear_shift() -> DriveTrain:
-    train = DriveTrain(
-        {
-            "torqueStep": TorqueStep(stepTorque=20, startTime=0.5),
-            "engine": Inertia(J=1),
-            "idealPlanetary": IdealPlanetary(ratio=75 / 50),
-            "load": Inertia(J=10, phi=0, w=0),
-            "drag": QuadraticSpeedDependentTorque(w_nominal=10.471975511966, tau_nominal=-20),
-            "clutch": Clutch(
-                cgeo=2, fn_max=100, phi_rel=0, w_rel=0, f_normalized=Ramp(height=1, duration=0.1, startTime=2)
-            ),
-            "brake": Brake(cgeo=2, fn_max=100, f_normalized=Ramp(height=-1, duration=0.1, offset=1, startTime=2)),
-        }
-    )
-    return (
-        train.connect("torqueStep.flange", "engine.flange_a")
-        .connect("drag.flange", "load.flange_b")
-        .connect("engine.flange_b", "idealPlanetary.sun", "clutch.flange_a")
-        .connect("idealPlanetary.ring", "clutch.flange_b", "brake.flange_a")
-        .connect("idealPlanetary.carrier", "load.flange_a")
-    )
-
-
 def one_way_clutch() -> DriveTrain:
     return DriveTrain.series(
         torque=Torque(Sine(amplitude=10, f=3)),
@@ -162,25 +136,3 @@ def one_way_clutch() -> DriveTrain:
         ),
         inertiaOut=Inertia(J=1, phi=0, w=0),
     )
-
-
-def heat_losses() -> DriveTrain:
-    pressing = Sine(amplitude=1, f=0.2)
-    train = DriveTrain.series(
-        torque=Torque(Sine(amplitude=20, f=5)),
-        inertia1=Inertia(J=2, phi=0, w=0),
-        springDamper=SpringDamper(c=1e4, d=20),
-        inertia2=Inertia(J=2, phi=0, w=0),
-        elastoBacklash=ElastoBacklash(c=1e5, d=100, b=0.001),
-        inertia3=Inertia(J=2, phi=0, w=0),
-        bearingFriction=BearingFriction(),
-        spring3=Spring(c=1e4),
-        inertia4=Inertia(J=2, phi=0, w=0),
-        lossyGear=LossyGear(ratio=2, lossTable=[[0, 0.8, 0.8, 1, 1], [1, 0.7, 0.7, 2, 2]]),
-        clutch=Clutch(fn_max=10, phi_rel=0, w_rel=0, f_normalized=pressing),
-        inertia5=Inertia(J=2),
-        oneWayClutch=OneWayClutch(fn_max=1, phi_rel=0, w_rel=0, f_normalized=pressing),
-        inertia6=Inertia(J=2),
-        brake=Brake(fn_max=2, f_normalized=pressing),
-    )
-    return train.branch("inertia1.flange_b", damper=Damper(d=10), fixed=Fixed())

@@ -63,14 +63,13 @@ def read_reference(path: Path) -> Columns:
     return {name: table[last, i] for i, name in enumerate(rows[0])}
 
 
-@pytest.mark.parametrize("engine", ["exact", "runge-kutta"])
 @pytest.mark.parametrize(("name", "build", "duration_s", "signals"), CASES, ids=[case[0] for case in CASES])
 def test_trajectories_agree_with_dymola(
-    name: str, build: Callable[[], DriveTrain], duration_s: float, signals: list[str], engine: str
+    name: str, build: Callable[[], DriveTrain], duration_s: float, signals: list[str]
 ) -> None:
     reference = read_reference(shared("data", "modelica_reference", name, f"{name}.csv"))
     rate = round(1 / float(np.median(np.diff(reference["time"]))))
-    result = simulate(build(), duration_s, rate, engine=engine)
+    result = simulate(build(), duration_s, rate)
     index = np.rint(reference["time"] * rate).astype(int)
     on_grid = np.abs(index - reference["time"] * rate) < 1e-6
     for signal in signals:
@@ -79,13 +78,10 @@ def test_trajectories_agree_with_dymola(
         assert error < OWN_ERROR.get(f"{name}/{signal}", OWN_ERROR.get(name, 5e-5)), signal
 
 
-@pytest.mark.parametrize("engine", ["exact", "runge-kutta"])
 @pytest.mark.parametrize("name", MODE_CHANGES)
-def test_mode_changes_stand_at_the_instants_of_dymola(name: str, engine: str) -> None:
+def test_mode_changes_stand_at_the_instants_of_dymola(name: str) -> None:
     build, duration_s = next((case[1], case[2]) for case in CASES if case[0] == name)
-    events = [
-        event for event in simulate(build(), duration_s, 1000.0, engine=engine).events if event.component == "gear"
-    ]
+    events = [event for event in simulate(build(), duration_s, 1000.0).events if event.component == "gear"]
     expected = MODE_CHANGES[name]
     assert [(e.from_mode, e.to_mode) for e in events[: len(expected)]] == [(a, b) for _, _, a, b in expected]
     times = [e.time_s for e in events[: len(expected)]]

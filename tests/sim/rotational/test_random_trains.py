@@ -1,4 +1,4 @@
-"""Random compositions: whatever is connected runs, and both engines find the same motion."""
+"""Random compositions: whatever is connected runs, and moves alike at any sample rate."""
 
 import numpy as np
 import pytest
@@ -65,12 +65,3 @@ def test_a_random_train_runs_and_is_the_same_at_another_rate(seed: int) -> None:
     for name in (name for name in train.components if name.startswith("J")):
         speed = fine[f"{name}.w"]
         np.testing.assert_allclose(speed[::8], coarse[f"{name}.w"], atol=1e-8 * (1e-3 + np.abs(speed).max()))
-
-
-@pytest.mark.parametrize("seed", range(100, 108))
-def test_a_random_train_moves_alike_in_both_engines(seed: int) -> None:
-    train = random_train(seed)
-    exact, other = (simulate(train, 0.4, 250.0, engine=engine) for engine in ("exact", "runge-kutta"))
-    for name in (name for name in train.components if name.startswith("J")):
-        speed = exact[f"{name}.w"]
-        np.testing.assert_allclose(other[f"{name}.w"], speed, atol=1e-7 * (1e-3 + np.abs(speed).max()))

@@ -8,7 +8,6 @@ from sim.rotational.components import (
     ConstantTorque,
     Damper,
     Disc,
-    EddyCurrentTorque,
     ExpSine,
     IdealGearR2T,
     IdealRollingWheel,
@@ -20,16 +19,13 @@ from sim.rotational.components import (
     Torque,
 )
 from sim.rotational.drive_train import DriveTrain
-from sim.solver import Engine, simulate
-
-ENGINES: tuple[Engine, ...] = ("exact", "runge-kutta")
+from sim.solver import simulate
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_torque_that_dies_away_gives_its_momentum(engine: Engine) -> None:
+def test_a_torque_that_dies_away_gives_its_momentum() -> None:
     """The integral of A exp(-d t) sin(w t) over all time is A w / (w^2 + d^2)."""
     train = DriveTrain.series(torque=Torque(ExpSine(3.0, f=1.5, damping=8.0)), shaft=Inertia(J=0.5))
-    result = simulate(train, 4.0, 50.0, engine=engine)
+    result = simulate(train, 4.0, 50.0)
     omega = 3 * np.pi
     assert result["shaft.w"][-1] == pytest.approx(3.0 * omega / (omega**2 + 64.0) / 0.5, rel=1e-9)
 
@@ -42,15 +38,6 @@ def test_a_wheel_or_rack_moves_a_mass(part: IdealRollingWheel | IdealGearR2T) ->
     np.testing.assert_allclose(result["mass.s"], 0.25 * 2.5 * result.time_s**2, atol=1e-12)
     np.testing.assert_allclose(result["part.flangeT.f"], -8.0 * 1.25, rtol=1e-12)
     assert result.units["mass.s"] == "m"
-
-
-def test_an_eddy_current_brake_slows_down_as_kloss_says() -> None:
-    """J w' = -2 M x/(1 + x^2) with x = w/w_n integrates to ln x + x^2/2 = -2 M t/(J w_n)."""
-    train = DriveTrain.series(shaft=Inertia(J=1.0, w=20.0), brake=EddyCurrentTorque(tau_nominal=10.0, w_nominal=5.0))
-    result = simulate(train, 1.0, 50.0)
-    x = result["shaft.w"] / 5.0
-    np.testing.assert_allclose(np.log(x) + x**2 / 2, np.log(4.0) + 8.0 - 4.0 * result.time_s, rtol=1e-9)
-    np.testing.assert_allclose(result["brake.lossPower"], result["brake.tau"] * result["shaft.w"], rtol=1e-12)
 
 
 def test_a_disc_turns_its_ends_and_sensors_show_what_they_should() -> None:
