@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
+from casebase.signals.crest import crest_trace
+from casebase.signals.filters import PAPER_CUTOFF_HZ, low_pass
+from casebase.signals.spectra import long_spectrum
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
 from sim.description.axis import Axis
 from sim.experiment.virtual_measurement import Measurement
 
-BAND_HZ = 200.0
-"""The paper listens below this frequency."""
 CYCLES = 3
 
 
@@ -31,16 +32,13 @@ def plot_measurement(result: Measurement, axis: Axis, out: Path) -> list[Path]:
     if "shaft_torque_nm" in telemetry:
         rows[2].plot(time_s, telemetry["shaft_torque_nm"][shown], lw=0.8)
     rows[2].set_ylabel("torque on the load [N m]")
-    from scipy.signal import butter, sosfiltfilt
-
-    band = butter(4, BAND_HZ, fs=SAMPLE_RATE_HZ, output="sos")
-    low = sosfiltfilt(band, result.sound)
-    crest = float(np.abs(low).max() / np.sqrt(np.mean(low**2)))
+    low = low_pass(long_spectrum(result.sound, SAMPLE_RATE_HZ))
     time = np.arange(low.size) / SAMPLE_RATE_HZ
     heard = time <= CYCLES * axis.motion.period_s
     rows[3].plot(time[heard], low[heard], lw=0.5)
-    rows[3].set_ylabel(f"sound below {BAND_HZ:g} Hz [1]")
+    rows[3].set_ylabel(f"sound below {PAPER_CUTOFF_HZ:g} Hz [1]")
     rows[3].set_xlabel("time [s]")
+    crest = crest_trace(result.sound, SAMPLE_RATE_HZ).largest
     rows[3].set_title(f"crest factor of the whole record: {crest:.2f}", fontsize=9)
     effects = ", ".join(f"{entry.name} at {entry.location or 'the axis'}" for entry in axis.mechanisms)
     figure.suptitle(f"{axis.name}: {effects or 'no added mechanism'} (simulated)")

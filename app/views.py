@@ -14,16 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from casebase.signals.crest import (
-    crest_factor,
-    crest_factor_trace,
-    peak,
-    peak_trace,
-    root_mean_square,
-    root_mean_square_trace,
-)
+from casebase.signals.crest import WINDOW_S, crest_trace
 from casebase.signals.decode import read_recording
 from casebase.signals.disturbances import Survey
+from casebase.signals.filters import PAPER_CUTOFF_HZ
 from casebase.signals.recording import Recording
 
 if TYPE_CHECKING:
@@ -70,15 +64,17 @@ class Spectrogram(BaseModel):
 
 
 class CrestFactor(BaseModel):
-    """Crest factor of the whole and of each window, beside RMS and peak, without which it misleads."""
+    """Crest factor over time, beside RMS and peak, without which it misleads; null for silence."""
 
     unit: str
     window_s: float
-    whole_record: float | None
+    low_pass_hz: float = Field(description="all that follows is of the sound below it [Hz]; 0: of the whole sound")
+    whole_record: float | None = Field(description="peak over RMS of the whole record: the largest of the trace [1]")
+    mean: float | None = Field(description="mean of the trace [1]")
     whole_rms: float
     whole_peak: float
     time_s: list[float] = Field(description="middle of each window [s]")
-    crest_factor: list[float | None]
+    crest_factor: list[float | None] = Field(description="the trace: peak of each window over `whole_rms` [1]")
     rms: list[float]
     peak: list[float]
 
@@ -166,9 +162,10 @@ class SpectrumOf(View):
 @dataclass(frozen=True)
 class CrestFactorOf(View):
     window_s: float
+    low_pass_hz: float
 
     def of(self, recording: Recording) -> bytes:
-        return crest(recording, self.window_s).model_dump_json().encode()
+        return crest(recording, self.window_s, self.low_pass_hz).model_dump_json().encode()
 
 
 @dataclass(frozen=True)
@@ -233,24 +230,22 @@ def spectrogram(recording: Recording, columns: int) -> Spectrogram:
     )
 
 
-def crest(recording: Recording, window_s: float) -> CrestFactor:
-    """Return the crest factor of windows that overlap by half, with RMS and peak of each."""
-    samples = recording.samples - np.float32(recording.samples.mean(dtype=np.float64))
-    window = max(2, min(samples.size, round(window_s * recording.sample_rate_hz)))
-    step = max(1, window // 2)
-    trace = crest_factor_trace(samples, window, step)
-    middles = (np.arange(trace.size) * step + window / 2) / recording.sample_rate_hz
-    whole = crest_factor(samples)
+def crest(recording: Recording, window_s: float = WINDOW_S, low_pass_hz: float = PAPER_CUTOFF_HZ) -> CrestFactor:
+    """Return `crest_trace` of a recording; its document has null where the trace is NaN."""
+    found = crest_trace(recording.samples, recording.sample_rate_hz, window_s, low_pass_hz)
+    silent = found.whole_rms == 0
     return CrestFactor(
         unit=recording.unit,
-        window_s=window / recording.sample_rate_hz,
-        whole_record=whole if math.isfinite(whole) else None,
-        whole_rms=root_mean_square(samples),
-        whole_peak=peak(samples),
-        time_s=middles.tolist(),
-        crest_factor=[value if math.isfinite(value) else None for value in trace.tolist()],
-        rms=root_mean_square_trace(samples, window, step).tolist(),
-        peak=peak_trace(samples, window, step).tolist(),
+        window_s=window_s,
+        low_pass_hz=low_pass_hz,
+        whole_record=None if silent else found.largest,
+        mean=None if silent else found.mean,
+        whole_rms=found.whole_rms,
+        whole_peak=float(found.peak.max()),
+        time_s=found.middle_s.tolist(),
+        crest_factor=[None] * found.peak.size if silent else found.values.tolist(),
+        rms=found.rms.tolist(),
+        peak=found.peak.tolist(),
     )
 
 

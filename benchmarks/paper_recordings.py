@@ -6,9 +6,8 @@ shows it. Every number that it leaves open stands in the middle of the range fro
 normal recording has no more than noise has, and with a quicker start an as-new gear is heard to click at every
 reversal. Nothing is fitted to play or notch.
 
-Crest factor, for all: below 200 Hz, peak of every window of 0.1 s over the effective value of the whole record. That
-trace is figures 8 and 9; its largest value is the crest factor of the record, and its mean over draws the row of the
-table.
+Crest factor, for all: `casebase.signals.crest.crest_trace`. Its trace is figures 8 and 9; the largest value is the
+crest factor of the record, and the mean of that over draws the row of the table.
 """
 
 from __future__ import annotations
@@ -16,14 +15,12 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.signals.crest import peak_trace, root_mean_square
-from casebase.signals.filters import low_pass
-from casebase.signals.spectra import long_spectrum
+from casebase.signals.crest import CrestTrace, crest_trace
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
 from sim.description.axis import MechanismEntry, Motion
 from sim.experiment.design_of_experiments import (
@@ -48,7 +45,6 @@ PAPER = {"normal": 3.43, "play": 9.35, "notch": 14.6}
 """Mean crest factor that the paper measured, by label."""
 
 DRAWS = 20
-WINDOW_S = 0.1
 SPEED_RAD_S = 2.7
 REVOLUTION_S = math.tau / SPEED_RAD_S
 STROKE_S, REVERSAL_S, NOTCH_S = 4.4, 2.6, 3.93
@@ -112,35 +108,21 @@ def scenario(label: str, seed: int, values: Mapping[str, float] = USUAL) -> Scen
     )
 
 
-@dataclass(frozen=True, eq=False)
-class CrestTrace:
-    """Peak of every window of `WINDOW_S` below 200 Hz over the effective value of the record, shape (windows,) [1]."""
+def behind_the_play(each: Scenario) -> Scenario:
+    """The same with the paper's 0.9 N m of bearing friction at the load, not the motor: there times the ratio."""
+    motor, load = each.axis.motor, each.axis.load
+    moved = load.coulomb_friction_n_m + motor.coulomb_friction_n_m * each.axis.ratio
+    axis = replace(
+        each.axis,
+        motor=replace(motor, coulomb_friction_n_m=0.0),
+        load=replace(load, coulomb_friction_n_m=moved),
+    )
+    return replace(each, axis=axis)
 
-    values: Sound
 
-    @classmethod
-    def of(cls, sound: NDArray[np.floating], rate_hz: float = SAMPLE_RATE_HZ) -> CrestTrace:
-        """Take it of a sound of shape (n,)."""
-        samples = np.asarray(sound - sound.mean(), dtype=np.float32)
-        heard = low_pass(long_spectrum(samples, rate_hz))
-        window = round(WINDOW_S * rate_hz)
-        return cls(peak_trace(heard, window, window) / np.float32(root_mean_square(heard)))
-
-    @property
-    def crest_factor(self) -> float:
-        """Largest magnitude of the record over its effective value."""
-        return float(self.values.max())
-
-    @property
-    def over_mean(self) -> float:
-        """The largest value of the trace over its mean."""
-        return float(self.values.max() / self.values.mean())
-
-    def per(self, seconds: float) -> float:
-        """Mean of the largest values of pieces of so many seconds."""
-        count = round(seconds / WINDOW_S)
-        pieces = self.values[: self.values.size // count * count].reshape(-1, count)
-        return float(pieces.max(axis=1).mean())
+def trace_of(each: Scenario) -> CrestTrace:
+    """The crest factor over time of what is heard."""
+    return crest_trace(each.perform(), SAMPLE_RATE_HZ)
 
 
 @functools.cache
@@ -151,12 +133,12 @@ def usual_traces(label: str) -> tuple[CrestTrace, ...]:
 
 def crest_traces(label: str, draws: int, values: Mapping[str, float] = USUAL) -> list[CrestTrace]:
     """The traces of so many draws."""
-    return [CrestTrace.of(scenario(label, seed, values).perform()) for seed in range(draws)]
+    return [trace_of(scenario(label, seed, values)) for seed in range(draws)]
 
 
 def mean_crest_factor(label: str, draws: int, values: Mapping[str, float] = USUAL) -> float:
     """Crest factor of the record, mean over draws: what stands beside the paper's row."""
-    return float(np.mean([trace.crest_factor for trace in crest_traces(label, draws, values)]))
+    return float(np.mean([trace.largest for trace in crest_traces(label, draws, values)]))
 
 
 def all_drawn(seed: int) -> dict[str, float]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,15 +30,16 @@ from benchmarks.paper_recordings import (
     SPEED_RAD_S,
     STROKE_S,
     USUAL,
-    WINDOW_S,
-    CrestTrace,
     Sound,
     all_drawn,
+    behind_the_play,
     mean_crest_factor,
     scenario,
+    trace_of,
     usual_traces,
 )
-from benchmarks.paper_torque import shaft_torques
+from benchmarks.paper_torque import shaft_torques, trace, varied
+from casebase.signals.crest import WINDOW_S, CrestTrace, crest_trace
 from casebase.signals.filters import PAPER_CUTOFF_HZ, low_pass
 from casebase.signals.spectra import long_spectrum
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
@@ -55,6 +56,7 @@ FEW_DRAWS = 4
 ALL_DRAWN = 60
 PAPER_OVER_MEAN = {"normal": "", "play": "more than four", "notch": "about seven"}
 OF_A_FAULT = {"gap_rad": "play", "depth_rad": "notch"}
+OVER_MEAN_S = (0.02, 0.05, WINDOW_S, 0.2)
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Where in its range a size stands in the table of sizes."""
 
@@ -70,27 +72,54 @@ def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def measured_rows() -> str:
-    """The paper's measured rows, and figures 8 and 9, over all draws."""
+def rows_of(traces_of: Mapping[str, Sequence[CrestTrace]]) -> str:
+    """The paper's measured rows, and figures 8 and 9: largest and mean of the trace."""
     rows = []
-    for label, paper in PAPER.items():
-        traces = usual_traces(label)
-        values = np.array([trace.crest_factor for trace in traces])
+    for label, traces in traces_of.items():
+        largest, mean = np.array([[each.largest, each.mean] for each in traces]).T
         rows.append(
             [
                 label,
-                f"{values.mean():.2f}",
-                f"{values.min():.2f} to {values.max():.2f}",
-                f"{paper:g}",
-                f"{values.mean() / paper - 1:+.0%}",
-                f"{np.mean([trace.over_mean for trace in traces]):.1f}",
+                f"{largest.mean():.2f}",
+                f"{largest.min():.2f} to {largest.max():.2f}",
+                f"{PAPER[label]:g}",
+                f"{largest.mean() / PAPER[label] - 1:+.0%}",
+                f"{mean.mean():.2f}",
+                f"{(largest / mean).mean():.1f}",
                 PAPER_OVER_MEAN[label],
-                f"{np.mean([trace.per(REVOLUTION_S) for trace in traces]):.2f}",
+                f"{np.mean([begins(each) for each in traces]):.0%}",
             ]
         )
-    head = ["", "crest factor, mean", f"of {DRAWS} draws", "the paper", "off by"]
-    head += ["largest over mean of the trace", "the paper", "largest per turn, mean"]
-    return markdown(head, rows)
+    head = ["", "largest", f"of {DRAWS} draws", "the paper", "off by", "mean", "largest over mean", "the paper"]
+    return markdown([*head, "largest where a stroke begins"], rows)
+
+
+def begins(each: CrestTrace) -> bool:
+    """Whether the largest value of a trace lies within a window of the beginning of a stroke."""
+    at = each.middle_s[each.values.argmax()]
+    return abs((at - REVERSAL_S + STROKE_S / 2) % STROKE_S - STROKE_S / 2) < WINDOW_S
+
+
+def measured_rows() -> str:
+    """The one configuration, over all draws."""
+    return rows_of({label: usual_traces(label) for label in PAPER})
+
+
+def moved_rows() -> str:
+    """The same with the paper's bearing friction behind the play."""
+    return rows_of(
+        {label: [trace_of(behind_the_play(scenario(label, seed))) for seed in range(DRAWS)] for label in PAPER}
+    )
+
+
+def windows() -> str:
+    """Largest over mean of the trace by window, over all draws."""
+    rows = []
+    for label in ("play", "notch"):
+        sounds = [scenario(label, seed).perform() for seed in range(DRAWS)]
+        traces = [[crest_trace(sound, SAMPLE_RATE_HZ, window) for sound in sounds] for window in OVER_MEAN_S]
+        rows.append([label, *(f"{np.mean([x.largest / x.mean for x in each]):.1f}" for each in traces)])
+    return markdown(["window [s]", *(f"{window:g}" for window in OVER_MEAN_S)], rows)
 
 
 def sensitivities() -> str:
@@ -125,9 +154,7 @@ def sizes() -> str:
 def drawn_at_once() -> str:
     """All open numbers drawn at once: where the paper's values lie among the crest factors."""
     found = {
-        label: np.array(
-            [CrestTrace.of(scenario(label, seed, all_drawn(seed)).perform()).crest_factor for seed in range(ALL_DRAWN)]
-        )
+        label: np.array([trace_of(scenario(label, seed, all_drawn(seed))).largest for seed in range(ALL_DRAWN)])
         for label in PAPER
     }
     rows = []
@@ -146,15 +173,19 @@ def items() -> str:
     smooth = [replace(each, specimen=replace(each.specimen, error=0.0)) for each in drawn]
     silent = [replace(each, microphone=replace(each.microphone, rubbing_n_m=0.0, ambient_n_m=0.0)) for each in drawn]
     lines: list[tuple[str, str, Sequence[CrestTrace]]] = [
-        ("the paper's model", "torque at the output under a sine of torque", [_trace(shaft_torques(40.0, 0.45)[1])]),
+        (
+            "the paper's model",
+            "torque at the output under a sine of torque",
+            [trace(shaft_torques(varied(40.0, 0.45))[1], WINDOW_S)],
+        ),
         ("+ servo, transfer gear", "the axis goes back and forth as a robot does", [_torque(each) for each in smooth]),
         ("+ errors of the teeth", "every tooth engagement is felt", [_torque(each) for each in drawn]),
-        ("+ housing and microphone", "sound, not torque: no swing, resonances", [_trace(e.perform()) for e in silent]),
+        ("+ housing and microphone", "sound, not torque: no swing, resonances", [trace_of(each) for each in silent]),
         ("+ rubbing and ambient noise: normal", "sliding teeth and bearings", usual_traces("normal")),
         ("+ play", "impacts where the torque reverses", usual_traces("play")),
         ("+ notch instead", "an impact at one angle, on one flank", usual_traces("notch")),
     ]
-    rows, means = [], [float(np.mean([trace.crest_factor for trace in traces])) for *_, traces in lines]
+    rows, means = [], [float(np.mean([each.largest for each in traces])) for *_, traces in lines]
     for number, ((item, why, _), mean) in enumerate(zip(lines, means, strict=True)):
         gain = f"{mean - means[min(number - 1, 4)]:+.2f}" if number else ""
         rows.append([item, why, f"{mean:.2f}", gain, _paper_of(item)])
@@ -165,28 +196,28 @@ def _paper_of(item: str) -> str:
     return next((f"{value:g}" for label, value in PAPER.items() if label in item), "")
 
 
-def _trace(signal: NDArray[np.floating]) -> CrestTrace:
-    return CrestTrace.of(signal)
-
-
 def _torque(each: Scenario) -> CrestTrace:
-    return _trace(each.simulate().force_n_m[round(SETTLING_S * SAMPLE_RATE_HZ) :, len(each.axis.stages) - 1])
+    force = each.simulate().force_n_m[round(SETTLING_S * SAMPLE_RATE_HZ) :, len(each.axis.stages) - 1]
+    return crest_trace(force, SAMPLE_RATE_HZ)
 
 
-def typical(label: str) -> Sound:
-    """The sound of the draw whose crest factor is the median of all."""
-    order = np.argsort([trace.crest_factor for trace in usual_traces(label)])
-    return scenario(label, int(order[DRAWS // 2])).perform()
+def _low(sound: Sound) -> Sound:
+    return low_pass(long_spectrum(sound, SAMPLE_RATE_HZ))
+
+
+def typical(label: str) -> Scenario:
+    """The draw whose crest factor is the median of all."""
+    order = np.argsort([each.largest for each in usual_traces(label)])
+    return scenario(label, int(order[DRAWS // 2]))
 
 
 def cruise_spectrum() -> tuple[Floats, Floats]:
-    """Frequencies [Hz] and amplitude density of the normal sound at full speed, mean power of all draws."""
+    """Frequencies [Hz] and amplitude of the normal sound at full speed, mean power of all draws."""
     ramp = USUAL["acceleration_time_s"]
     at_speed = slice(*(round(t * SAMPLE_RATE_HZ) for t in (REVERSAL_S + ramp, REVERSAL_S + STROKE_S - ramp)))
-    spectra = [
-        periodogram(scenario("normal", seed).perform()[at_speed], SAMPLE_RATE_HZ, "hann") for seed in range(DRAWS)
-    ]
-    return spectra[0][0], np.sqrt(np.mean([power for _, power in spectra], axis=0))
+    sounds = [scenario("normal", seed).perform()[at_speed] for seed in range(DRAWS)]
+    spectra = [periodogram(sound, SAMPLE_RATE_HZ, "hann", scaling="spectrum") for sound in sounds]
+    return spectra[0][0], np.sqrt(2 * np.mean([power for _, power in spectra], axis=0))
 
 
 def draw(out: Path) -> list[Path]:
@@ -195,30 +226,35 @@ def draw(out: Path) -> list[Path]:
     from matplotlib.figure import Figure
 
     out.mkdir(parents=True, exist_ok=True)
-    figures = [Figure(figsize=(9, height), layout="constrained") for height in (6, 7, 5)]
+    figures = [Figure(figsize=(9, height), layout="constrained") for height in (8, 9, 5)]
     for figure in figures:
         FigureCanvasAgg(figure)
     _draw_spectrum(figures[0])
-    sounds = {label: typical(label) for label in ("normal", "notch", "play")}
+    typical_draws = {label: typical(label) for label in PAPER}
+    moved = behind_the_play(typical_draws["play"])
+    sounds = {label: each.perform() for label, each in typical_draws.items()}
     time = np.arange(sounds["normal"].size) / SAMPLE_RATE_HZ
-    rows = figures[1].subplots(3, 1, sharex=True)
-    for number, (row, (label, sound)) in enumerate(zip(rows, sounds.items(), strict=True), 5):
-        shown = sound if label == "normal" else low_pass(long_spectrum(sound, SAMPLE_RATE_HZ))
-        row.plot(time, shown, lw=0.4)
-        row.set_title(f"{number}: {label}, {'unfiltered' if label == 'normal' else 'below 200 Hz'}", fontsize=9)
+    shown = (
+        ("5: normal, unfiltered", sounds["normal"]),
+        ("6: notch, below 200 Hz", _low(sounds["notch"])),
+        ("7: play, below 200 Hz", _low(sounds["play"])),
+        ("7 with the paper's friction behind the play", _low(moved.perform())),
+    )
+    rows = figures[1].subplots(len(shown), 1, sharex=True)
+    for row, (words, sound) in zip(rows, shown, strict=True):
+        row.plot(time, sound, lw=0.4)
+        row.set_title(words, fontsize=9)
         row.set_ylabel("sound [1]")
         _mark_motion(row)
     rows[-1].set_xlabel("time [s]")
     rows = figures[2].subplots(2, 1, sharex=True)
-    usual = CrestTrace.of(sounds["normal"])
+    traces = {label: crest_trace(sound, SAMPLE_RATE_HZ) for label, sound in sounds.items()}
     for number, (row, label) in enumerate(zip(rows, ("notch", "play"), strict=True), 8):
-        trace = CrestTrace.of(sounds[label])
-        begin = np.arange(trace.values.size) * WINDOW_S
-        row.step(begin, usual.values, where="post", lw=0.8, color="0.6", label="normal")
-        row.step(begin, trace.values, where="post", label=label)
-        row.axhline(
-            trace.values.mean(), ls="--", lw=0.8, color="C1", label=f"mean; the largest is {trace.over_mean:.1f} of it"
-        )
+        each = traces[label]
+        begin, over_mean = np.arange(each.values.size) * WINDOW_S, each.largest / each.mean
+        row.step(begin, traces["normal"].values, where="post", lw=0.8, color="0.6", label="normal")
+        row.step(begin, each.values, where="post", label=label)
+        row.axhline(each.mean, ls="--", lw=0.8, color="C1", label=f"mean; the largest is {over_mean:.1f} of it")
         row.set(title=f"{number}: crest factor, {label}, windows of {WINDOW_S:g} s", ylabel="crest factor [1]")
         row.legend(fontsize=8)
         _mark_motion(row)
@@ -230,24 +266,31 @@ def draw(out: Path) -> list[Path]:
 
 
 def _draw_spectrum(figure: Figure) -> None:
-    frequency, density = cruise_spectrum()
+    """The whole FFT, then both meshes from near."""
+    frequency, amplitude = cruise_spectrum()
     turns = SPEED_RAD_S / math.tau
-    shaft = turns * PAPER_AXIS.ratio_from("transfer")
-    for row, stage, multiples in zip(figure.subplots(2, 1), ("output", "transfer"), (3, 1), strict=True):
-        teeth = next(each.driven_teeth for each in PAPER_AXIS.stages if each.name == stage) or 0
-        mesh = teeth * turns * PAPER_AXIS.ratio_from(stage)
-        low, high = (0.5 * mesh, 3.3 * mesh) if multiples > 1 else (0.93 * mesh, 1.07 * mesh)
-        shown = (frequency > low) & (frequency < high)
-        row.semilogy(frequency[shown], density[shown], lw=0.7)
-        for k in range(1, multiples + 1):
-            row.axvline(k * mesh, color="C1", lw=0.8, label=f"multiples of {mesh:.1f} Hz" if k == 1 else None)
-        for k in (-1, 1):
-            words = f"beside it by the transfer shaft, {shaft:.2f} Hz" if k == 1 else None
-            row.axvline(mesh + k * shaft, color="C2", ls="--", lw=0.8, label=words)
-        motor = turns * PAPER_AXIS.ratio
-        if low < motor < high:
+    shaft, motor = turns * PAPER_AXIS.ratio_from("transfer"), turns * PAPER_AXIS.ratio
+    meshes = [(each.driven_teeth or 0) * turns * PAPER_AXIS.ratio_from(each.name) for each in PAPER_AXIS.stages]
+    transfer, output = meshes
+    shown = (
+        ("the whole sound", 0.0, SAMPLE_RATE_HZ / 2),
+        ("mesh of the output gear", 0.5 * output, 3.3 * output),
+        ("mesh of the transfer gear", 0.93 * transfer, 1.07 * transfer),
+    )
+    for row, (words, low, high) in zip(figure.subplots(3, 1), shown, strict=True):
+        inside = (frequency >= low) & (frequency <= high)
+        row.semilogy(frequency[inside], np.maximum(amplitude[inside], amplitude[1:].min()), lw=0.6)
+        for name, each, colour in (("output", output, "C1"), ("transfer", transfer, "C2")):
+            multiples = [k * each for k in range(1, 4) if low < k * each < high]
+            for number, at in enumerate(multiples):
+                label = None if number else f"{name} gear, multiples of {each:.1f} Hz"
+                row.axvline(at, color=colour, lw=0.8, ls=":", label=label)
+        if low < motor < high < SAMPLE_RATE_HZ / 2:
             row.axvline(motor, color="0.5", lw=0.8, ls=":", label=f"turns of the motor, {motor:.1f} Hz")
-        row.set(title=f"1: mesh of the {stage} gear at full speed", ylabel="amplitude density [1/sqrt(Hz)]")
+        for side in (-1, 1) if words.endswith("transfer gear") else ():
+            words_beside = f"beside it by the transfer shaft, {shaft:.2f} Hz" if side == 1 else None
+            row.axvline(transfer + side * shaft, color="C3", ls="--", lw=0.8, label=words_beside)
+        row.set(title=f"1: FFT of {words} at full speed", ylabel="amplitude [1]")
         row.legend(fontsize=8)
     row.set_xlabel("frequency [Hz]")
 
@@ -264,14 +307,15 @@ def main(out: Path) -> None:
     """Print the tables and draw."""
     for words, made in (
         (f"measured rows, {DRAWS} draws", measured_rows),
+        (f"the same with the paper's friction behind the play, {DRAWS} draws", moved_rows),
+        (f"largest over mean of the trace, {DRAWS} draws", windows),
         (f"what each item adds, {DRAWS} draws", items),
         (f"crest factor over size, {FEW_DRAWS} draws", sizes),
         (f"sensitivities, {FEW_DRAWS} draws", sensitivities),
         (f"all open numbers drawn at once, {ALL_DRAWN} draws", drawn_at_once),
     ):
         print(f"{words}\n\n{made()}\n", flush=True)
-    for seconds in (REVOLUTION_S, RECORD_S):
-        print(f"noise alone below 200 Hz has {noise_floor(seconds):.2f} in the median over {seconds:.2f} s")
+    print(f"noise alone below 200 Hz has {noise_floor(RECORD_S):.2f} in the median over {RECORD_S:.2f} s")
     for path in draw(out):
         print(path)
 

@@ -23,7 +23,9 @@ from app.service import Reading, Service, TheService
 from casebase import erasing
 from casebase.models import Extractor, StoredRecording
 from casebase.recordings import named_features
+from casebase.signals.crest import WINDOW_S
 from casebase.signals.features import EXTRACTOR_VERSION, catalogue
+from casebase.signals.filters import PAPER_CUTOFF_HZ
 from casebase.signals.recording import Recording
 
 router = APIRouter(prefix="/recordings/{recording_id}", tags=["recordings"])
@@ -186,10 +188,14 @@ def crest(
     session: Reading,
     service: TheService,
     recording_id: Identifier,
-    window_s: Annotated[float, Query(ge=0.01, le=60, description="length of a window [s]")] = 0.5,
+    window_s: Annotated[float, Query(ge=0.01, le=60, description="length of a window [s]")] = WINDOW_S,
+    low_pass_hz: Annotated[
+        int, Query(ge=0, le=1_000_000, description="what lies above is left out [Hz]; 0: nothing is")
+    ] = round(PAPER_CUTOFF_HZ),
 ) -> Response:
-    """Crest factor of the whole and over time, beside RMS and peak."""
-    return shown(service, service.library.retrieve.recording(session, recording_id), views.CrestFactorOf(window_s))
+    """Crest factor over time, peak of each window over the RMS of the whole record, beside RMS and peak."""
+    row, view = service.library.retrieve.recording(session, recording_id), views.CrestFactorOf(window_s, low_pass_hz)
+    return shown(service, row, view)
 
 
 @router.get(

@@ -91,34 +91,50 @@ def waveform(surveyed: Survey, events: tuple[float, ...], points: int = SHOWN_PO
     recording, analysis = surveyed.recording, surveyed.analysis
     sound = envelope(recording.samples, recording.sample_rate_hz, points)
     low = envelope(analysis.low_passed, ANALYSIS_RATE_HZ, points)
-    times = [time + surveyed.start_s for time in analysis.motion.reversal_times_s[:40]]
-    reversals = tuple(Marker(float(t), "" if number else "reversal") for number, t in enumerate(times))
     return Chart(
         "Sound over time",
         (Series("sound", sound.x, sound.y), Series("below 200 Hz", low.x + surveyed.start_s, low.y)),
         "time [s]",
         f"sound, 0 to peak [{recording.unit}]",
-        markers=reversals,
+        markers=reversals(surveyed),
         events=events,
         stretches=stretches(surveyed),
         cursor="time",
     )
 
 
-def crest_trace(recording: Recording, window_s: float) -> Chart:
-    """Crest factor of windows that overlap by half."""
-    found = views.crest(recording, window_s)
+def reversals(surveyed: Survey) -> tuple[Marker, ...]:
+    """The first reversals of the motion that were recognised, the first of them named."""
+    times = surveyed.analysis.motion.reversal_times_s[:40]
+    return tuple(Marker(t + surveyed.start_s, "" if number else "reversal") for number, t in enumerate(times))
+
+
+def crest_trace(surveyed: Survey) -> Chart:
+    """Figures 8 and 9 of the paper: crest factor over time, its mean, when it is largest, reversals of the motion."""
+    found = views.crest(surveyed.recording)
     times = np.array(found.time_s)
-    values = np.array([np.nan if v is None else v for v in found.crest_factor])
-    name = f"crest factor, {found.window_s:g} s windows"
+    values = np.array(found.crest_factor, dtype=np.float64)
+    series = [Series(f"below {found.low_pass_hz:g} Hz, windows of {found.window_s:g} s", times, values)]
+    if found.mean and found.whole_record:
+        words = (
+            f"mean {found.mean:.2f}; the largest, {found.whole_record:.2f}, is {found.whole_record / found.mean:.1f}"
+        )
+        series.append(Series(f"{words} times as large", times, np.full(times.size, found.mean)))
     return Chart(
-        "Crest factor over time", (Series(name, times, values),), "time [s]", "crest factor [1]", cursor="time"
+        "Crest factor over time",
+        tuple(series),
+        "time [s]",
+        "crest factor [1]",
+        markers=reversals(surveyed),
+        events=tuple(times[values == found.whole_record]),
+        stretches=stretches(surveyed),
+        cursor="time",
     )
 
 
-def level_trace(recording: Recording, window_s: float) -> Chart:
-    """RMS and peak of the same windows: crest factor can fall as damage grows."""
-    found = views.crest(recording, window_s)
+def level_trace(recording: Recording) -> Chart:
+    """RMS and peak of the whole sound in windows of the same length: crest factor can fall as damage grows."""
+    found = views.crest(recording, low_pass_hz=0)
     times = np.array(found.time_s)
     return Chart(
         "RMS and peak over time",

@@ -18,7 +18,6 @@ from app.web.evidence import Evidence, evidence_of
 from app.web.features import features_of, read_together
 from app.web.overlay import laid_over
 from app.web.recorded import (
-    CREST_WINDOW_S,
     PlotName,
     decoded,
     event_times,
@@ -87,7 +86,6 @@ class DiagnosisView:
     """Draws it as PNG; None where the audio was erased."""
     marked: str
     neighbours: tuple[Neighbour, ...]
-    features: Mapping[str, float | None]
     evidence: Evidence
     charts: SimpleNamespace
     polar: Markup | None
@@ -111,7 +109,6 @@ class DiagnosisView:
             "usable": document["verdict"] != "unusable",
             "audible": self.sound is not None and document["verdict"] != "unusable",
             "neighbours": self.neighbours,
-            "features": self.features,
             "evidence": self.evidence,
             "remarks": remarks_beside(document),
             "charts": self.charts,
@@ -136,7 +133,6 @@ def view_of(
     drawn, polar, peaks = (
         (SimpleNamespace(), None, ()) if found is None else _drawn(session, service, row, found, orders, overlay)
     )
-    features = features_of(session, row.recording.id)
     history, trend = history_of(session, service, row.recording)
     return DiagnosisView(
         diagnosis=row,
@@ -150,7 +146,6 @@ def view_of(
         spectrogram=lambda: None if sound is None else spectrogram_png(service, row.recording),
         marked=marked(found) if found else "",
         neighbours=tuple(_neighbours(session, document["neighbours"])),
-        features=features,
         evidence=evidence_of(
             document,
             {name for name, chart in vars(drawn).items() if chart is not None},
@@ -160,7 +155,9 @@ def view_of(
         polar=polar,
         trend=trend_chart(row, history, trend),
         earlier=earlier_fault(row, history, service.settings.time_zone),
-        rms=features.get("rms") or 0.0 if sound is None else root_mean_square(sound.samples),
+        rms=features_of(session, row.recording.id).get("rms") or 0.0
+        if sound is None
+        else root_mean_square(sound.samples),
         peaks="[" + ",".join(f"{v:.4g}" for v in peaks) + "]",
         sound=sound,
     )
@@ -177,8 +174,8 @@ def _drawn(
     drawn = SimpleNamespace(
         waveform=draw.waveform(found, event_times(session, row.recording)),
         spectrum=draw.spectrum(sound, order_markers(analysis), order_hz),
-        crest=draw.crest_trace(sound, CREST_WINDOW_S),
-        level=draw.level_trace(sound, CREST_WINDOW_S),
+        crest=draw.crest_trace(found),
+        level=draw.level_trace(sound),
         fold=folded[0] if folded else None,
     )
     if overlay is not None:

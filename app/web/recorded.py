@@ -21,7 +21,6 @@ from casebase.signals.disturbances import Survey, survey
 from casebase.signals.recording import Recording
 
 PlotName = Literal["waveform", "crest", "level", "spectrum", "orders", "fold"]
-CREST_WINDOW_S = 1.0
 COLUMNS = 800
 
 
@@ -81,12 +80,12 @@ def chart_of(
         NotFound: if this recording does not have it.
     """
     recording = decoded(service, row)
-    if name == "crest":
-        return charts.crest_trace(recording, CREST_WINDOW_S)
     if name == "level":
-        return charts.level_trace(recording, CREST_WINDOW_S)
+        return charts.level_trace(recording)
     found = surveyed(recording, row)
     analysis = found.analysis
+    if name == "crest":
+        return charts.crest_trace(found)
     if name == "waveform":
         return charts.waveform(found, event_times(session, row), points)
     if name == "fold":

@@ -1,10 +1,17 @@
 """Crest factor: how far the peak stands above the effective value."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+
+from casebase.signals.filters import PAPER_CUTOFF_HZ, low_pass
+from casebase.signals.spectra import long_spectrum
+
+WINDOW_S = 0.1
+"""Window of the trace unless another is asked for [s]."""
 
 
 def root_mean_square(samples: NDArray[np.float32]) -> float:
@@ -31,6 +38,67 @@ def crest_factor(samples: NDArray[np.float32]) -> float:
     """
     effective = root_mean_square(samples)
     return peak(samples) / effective if effective > 0 else math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class CrestTrace:
+    """Crest factor over time: peak of every window over the effective value of the whole record.
+
+    Figures 8 and 9 of Olsson and Stolyarchuk. The largest value is the crest factor of the record, equation (1); the
+    mean is at most the root of 2 B T, the independent values below B in a window T.
+
+    Args:
+        middle_s: middle of every window, shape (w,) [s].
+        peak: largest magnitude in every window, shape (w,) [unit of the samples].
+        rms: effective value of every window, shape (w,) [unit of the samples].
+        whole_rms: effective value of the record [unit of the samples].
+    """
+
+    middle_s: NDArray[np.float64]
+    peak: NDArray[np.float64]
+    rms: NDArray[np.float64]
+    whole_rms: float
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The trace, shape (w,) [1]; NaN for silence."""
+        return self.peak / (self.whole_rms or math.nan)
+
+    @property
+    def largest(self) -> float:
+        """Crest factor of the whole record [1]; NaN for silence."""
+        return float(self.values.max())
+
+    @property
+    def mean(self) -> float:
+        """Mean of the trace [1]; NaN for silence."""
+        return float(self.values.mean())
+
+
+def crest_trace(
+    samples: NDArray[np.floating],
+    rate_hz: float,
+    window_s: float = WINDOW_S,
+    low_pass_hz: float | None = PAPER_CUTOFF_HZ,
+) -> CrestTrace:
+    """Return the crest factor over time of samples of shape (n,), without their mean.
+
+    Args:
+        rate_hz: samples per second [Hz].
+        window_s: length of the windows, side by side; the last may be shorter [s].
+        low_pass_hz: what lies above is left out [Hz]; None or 0: nothing is.
+    """
+    heard = np.asarray(samples - samples.mean(dtype=np.float64), dtype=np.float32)
+    if low_pass_hz:
+        heard = low_pass(long_spectrum(heard, rate_hz), low_pass_hz)
+    edges = np.append(np.arange(0, heard.size, max(1, round(window_s * rate_hz))), heard.size)
+    windows = np.split(heard, edges[1:-1])
+    return CrestTrace(
+        (edges[:-1] + edges[1:]) / 2 / rate_hz,
+        np.array([peak(each) for each in windows]),
+        np.array([root_mean_square(each) for each in windows]),
+        root_mean_square(heard),
+    )
 
 
 def peak_trace(samples: NDArray[np.float32], window: int, step: int) -> NDArray[np.float32]:

@@ -43,7 +43,13 @@ def test_a_knock_is_seen_in_the_spectrogram_at_any_length(duration_s: float) -> 
 def test_the_crest_factors_show_when_the_knock_was() -> None:
     samples = np.random.default_rng(3).normal(0, 0.01, 80000)
     samples[50000:50080] += np.hanning(80)
-    view = views.crest(Recording(samples.astype(np.float32), RATE_HZ), 0.5)
+    view = views.crest(Recording(samples.astype(np.float32), RATE_HZ), 0.5, 0)
     factors = np.array(view.crest_factor, dtype=float)
     assert abs(view.time_s[int(factors.argmax())] - 50040 / RATE_HZ) <= 0.25
-    np.testing.assert_allclose(factors, np.array(view.peak) / np.array(view.rms), rtol=1e-5)
+    np.testing.assert_allclose(factors, np.array(view.peak) / view.whole_rms)
+    assert view.whole_record == factors.max()
+
+
+def test_silence_has_no_crest_factor() -> None:
+    view = views.crest(Recording(np.zeros(2000, dtype=np.float32), RATE_HZ))
+    assert (view.whole_record, view.mean, view.crest_factor) == (None, None, [None] * 3)

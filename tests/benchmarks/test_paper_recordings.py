@@ -1,28 +1,40 @@
-"""The paper's recordings: when the notch is met, and what a crest factor can be."""
-
-import math
+"""The paper's figures: one drive train for figures 2 to 4 and table 1, when notch and play are heard."""
 
 import numpy as np
 import pytest
 
-from benchmarks.paper_recordings import NOTCH_S, REVOLUTION_S, WINDOW_S, CrestTrace, scenario
+from benchmarks.paper_diagrams import wheels
+from benchmarks.paper_recordings import NOTCH_S, REVOLUTION_S, behind_the_play, scenario, trace_of
+from benchmarks.paper_sound import begins
+from benchmarks.paper_torque import RATE_HZ, SECONDS, TRAIN, bound, shaft_torques, trace, varied
+from casebase.signals.crest import WINDOW_S
+from sim import simulate
 
 
 def test_the_notch_is_met_once_a_turn_in_one_direction_as_in_figure_6() -> None:
-    trace = CrestTrace.of(scenario("notch", 0).perform())
-    first, second = sorted(np.argsort(trace.values)[-2:] * WINDOW_S)
+    found = trace_of(scenario("notch", 0))
+    first, second = sorted(found.middle_s[np.argsort(found.values)[-2:]])
     assert first == pytest.approx(NOTCH_S, abs=WINDOW_S)
     assert second == pytest.approx(NOTCH_S + REVOLUTION_S, abs=WINDOW_S)
 
 
-def test_an_impulse_in_silence_has_the_largest_crest_factor_that_the_band_allows() -> None:
-    """The root of 2 B T independent values; the Butterworth's band is a little wider than its cutoff."""
-    seconds, rate = 10.0, 8000.0
-    impulse = np.zeros(round(seconds * rate))
-    impulse[impulse.size // 2] = 1.0
-    trace = CrestTrace.of(impulse, rate)
-    assert trace.crest_factor == pytest.approx(math.sqrt(2 * 200.0 * seconds), rel=0.1)
-    steady = CrestTrace.of(np.cos(2 * math.pi * 50.0 * np.arange(80_000) / rate), rate)
-    assert steady.crest_factor == pytest.approx(math.sqrt(2), rel=0.01)
-    assert steady.over_mean == pytest.approx(1.0, rel=0.01)
-    assert steady.per(1.0) == pytest.approx(math.sqrt(2), rel=0.01)
+def test_play_is_heard_where_a_stroke_begins_once_the_friction_acts_behind_it() -> None:
+    play = scenario("play", 0)
+    assert not begins(trace_of(play))
+    assert begins(trace_of(behind_the_play(play)))
+
+
+def test_figures_2_to_4_and_table_1_are_of_one_drive_train() -> None:
+    assert dict(varied(30.0, 0.5).components) == dict(TRAIN.components)
+    (*_, first), *_, (*_, last) = wheels()
+    run = simulate(TRAIN, SECONDS, RATE_HZ)
+    assert first == np.abs(run["motor.w"]).max()
+    assert last == pytest.approx(np.abs(run["load.w"]).max(), rel=0.01)
+
+
+def test_the_mean_of_the_torques_trace_rises_with_the_window_and_stays_below_its_bound() -> None:
+    torque = shaft_torques(varied(40.0, 0.5))[1]
+    means = [trace(torque, window_s).mean for window_s in (0.1, 0.2, 0.5, SECONDS)]
+    assert means == sorted(means)
+    assert means[0] < bound(0.1)
+    assert means[-1] == trace(torque, 0.1).largest

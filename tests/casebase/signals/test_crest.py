@@ -58,6 +58,54 @@ def test_a_silent_window_has_no_crest_factor() -> None:
     assert np.isnan(crest.crest_factor(samples[:500]))
 
 
+def test_the_trace_of_a_sine_is_the_root_of_two_where_a_window_holds_its_peak() -> None:
+    sine = 3 + 0.5 * np.sin(2 * np.pi * 50 * time_s(10))
+    trace = crest.crest_trace(sine, RATE_HZ)
+    assert trace.values == pytest.approx(np.full(100, np.sqrt(2)), rel=1e-3)
+    assert (trace.largest, trace.mean) == pytest.approx((np.sqrt(2), np.sqrt(2)), rel=1e-3)
+    assert (trace.middle_s[0], trace.middle_s[-1]) == pytest.approx((0.05, 9.95))
+    assert trace.rms == pytest.approx(np.full(100, trace.whole_rms), rel=1e-3)
+
+
+def test_what_lies_above_the_low_pass_is_not_in_the_trace() -> None:
+    low, high = np.sin(2 * np.pi * 50 * time_s(4)), np.sin(2 * np.pi * 1000 * time_s(4))
+    assert crest.crest_trace(low + high, RATE_HZ).whole_rms == pytest.approx(np.sqrt(0.5), rel=1e-3)
+    for none in (None, 0):
+        assert crest.crest_trace(low + high, RATE_HZ, low_pass_hz=none).whole_rms == pytest.approx(1, rel=1e-3)
+
+
+@given(size=st.integers(1, 3000), window_s=st.floats(0.001, 1.0), seed=st.integers(0, 9))
+def test_the_largest_of_the_trace_is_the_crest_factor_of_the_record(size: int, window_s: float, seed: int) -> None:
+    """Of any window, the last one included, though it is shorter."""
+    samples = np.random.default_rng(seed).standard_t(3, size + 1)
+    trace = crest.crest_trace(samples, RATE_HZ, window_s, None)
+    whole = crest.crest_factor((samples - samples.mean()).astype(np.float32))
+    assert trace.largest == pytest.approx(whole, rel=1e-5)
+    assert trace.mean <= trace.largest
+    n = min(size + 1, max(1, round(window_s * RATE_HZ)))
+    if (size + 1) % n == 0:
+        assert trace.mean <= np.sqrt(n) * (1 + 1e-6)
+
+
+def test_an_impulse_in_every_window_reaches_the_bound_of_the_mean() -> None:
+    samples = np.tile(np.r_[1.0, np.zeros(399), -1.0, np.zeros(399)], 5)  # without a mean, windows of 400
+    trace = crest.crest_trace(samples, RATE_HZ, 0.05, None)
+    assert trace.values == pytest.approx(np.full(10, np.sqrt(400)))
+
+
+def test_one_impulse_below_200_hz_reaches_the_root_of_two_b_t() -> None:
+    """The Butterworth's band is a little wider than its cutoff."""
+    impulse = np.zeros(80_000)
+    impulse[40_000] = 1
+    trace = crest.crest_trace(impulse, RATE_HZ)
+    assert trace.largest == pytest.approx(np.sqrt(2 * 200 * 10), rel=0.1)
+    assert trace.mean < np.sqrt(2 * 200 * 0.1)
+
+
+def test_silence_has_no_trace() -> None:
+    assert np.isnan(crest.crest_trace(np.zeros(900), RATE_HZ).values).all()
+
+
 def test_low_pass_has_the_gain_of_its_formula() -> None:
     time = time_s(4)
     for frequency in (20, 100, 200, 300, 400):
