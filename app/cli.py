@@ -4,7 +4,6 @@ import json
 import sys
 import traceback
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -126,6 +125,8 @@ def build(verb: str | None) -> typer.Typer:
 
 def _print_version(wanted: bool) -> None:
     if wanted:
+        from importlib.metadata import version
+
         print(version("gearcase"))
         raise typer.Exit
 

@@ -1,9 +1,13 @@
-"""Compile what is compiled, so that no first search waits for it: `python -m casebase`."""
+"""Compile what is compiled, so that no first search or table waits for it: `python -m casebase`."""
+
+import os
+from pathlib import Path
 
 import numpy as np
 
 from casebase.case_table import CaseTable
 from casebase.retrieval import CaseMatrix
+from casebase.signals.decimal_text import write_decimals
 from casebase.similarity import Metric
 
 
@@ -16,3 +20,4 @@ def search_once() -> None:
 
 if __name__ == "__main__":
     search_once()
+    write_decimals({"x": np.zeros(1)}, Path(os.devnull))

@@ -18,6 +18,7 @@ from casebase.signals.telemetry import CHANNELS, TIME
 from sim.description.axis import Axis, Load, LoadEncoder, Motion, Motor, Servo, Stage, Transmission
 from sim.description.axis_document import read_axis
 from sim.mechanisms import MECHANISMS
+from sim.rotational.train_document import read_train
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
@@ -107,6 +108,8 @@ def test_descriptions_and_maps_are_read(text: str) -> None:
     document = tomllib.loads(text)
     if document.get("schema") == "gearcase-channels/1":
         assert channel_map_of(text).sources
+    elif document.get("schema") == "gearcase-train/1":
+        assert set(document["components"]) == set(read_train(text).components)
     else:
         assert read_axis(document).name == document["name"]
 

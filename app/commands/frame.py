@@ -18,9 +18,9 @@ from rich.console import Console
 from rich.progress import Progress
 
 from app.finite import finite
-from app.settings import Settings, settings_of
 
 if TYPE_CHECKING:
+    from app.settings import Settings
     from casebase.library import CaseLibrary
 
 ACTOR = "command line"
@@ -36,6 +36,8 @@ class Frame:
 
     @cached_property
     def settings(self) -> Settings:
+        from app.settings import settings_of
+
         return settings_of(self.data_dir)
 
     def say(self, words: str) -> None:

@@ -1,31 +1,33 @@
-"""`gearcase simulate`: one simulated run of an axis, its telemetry and its sound."""
+"""`gearcase simulate`: one simulated run, of an axis with its telemetry and its sound, or of any drive train.
+
+What a run needs is imported when it is run: help and refusals come at once.
+"""
 
 from __future__ import annotations
 
-import threading
+from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import numpy as np
-import soundfile
 import typer
 from numpy.typing import NDArray
 
 from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import Frame, frame_of
-from app.simulation_plot import plot_measurement
-from casebase.signals.telemetry import Telemetry
-from sim.acoustics.microphone import SAMPLE_RATE_HZ
-from sim.description.axis import Axis
-from sim.description.axis_document import write_axis
+from app.simulation_files import write_events, write_sound, write_table, write_telemetry
 from sim.errors import ParameterError, near_match
-from sim.experiment.virtual_measurement import Measurement, measure
-from sim.mechanisms import MECHANISMS
-from sim.mechanisms.catalogue import with_mechanism
 
-DECIMALS = 9
+if TYPE_CHECKING:
+    from sim.description.axis import Axis
+    from sim.experiment.virtual_measurement import Measurement
+    from sim.rotational.trajectory import Trajectory
+
+RATE_HZ = 8000.0
+Result = TypeVar("Result")
 
 
 @dataclass
@@ -37,14 +39,41 @@ class Wanted:
     values: dict[str, float]
 
 
+@dataclass(frozen=True)
+class Run:
+    """What every run is told: how long [s], and where its files go."""
+
+    frame: Frame
+    duration: float
+    out: Path
+    parquet: bool
+
+    @property
+    def table(self) -> str:
+        return "parquet" if self.parquet else "csv"
+
+    def watched(self, run: Callable[[NDArray[np.float64]], Result]) -> Result:
+        """Run in a thread and show how far it is; the compiled engine works without the interpreter's lock."""
+        watch = np.zeros(5)
+        with self.frame.progress() as progress, ThreadPoolExecutor(1) as beside:
+            task = progress.add_task(f"simulating {self.duration:g} s", total=1.0)
+            running = beside.submit(run, watch)
+            while wait([running], timeout=0.1).not_done:
+                progress.update(task, completed=float(watch[4]))
+        return running.result()
+
+
 def register(app: typer.Typer) -> None:
     app.command("simulate")(simulate)
 
 
 def simulate(
     context: typer.Context,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="where telemetry.csv and sound.wav are written")],
-    axis: Annotated[str, typer.Option(metavar=METAVAR, help=MEANT)],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="where the results are written")],
+    axis: Annotated[str | None, typer.Option(metavar=METAVAR, help=MEANT)] = None,
+    train: Annotated[
+        Path | None, typer.Option(metavar="TRAIN.toml", help="instead: components and connections by Modelica's names")
+    ] = None,
     mechanism: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME[@LOCATION]", help="a mechanism that is added to the axis; may be repeated"),
@@ -53,26 +82,86 @@ def simulate(
         list[str] | None, typer.Option("--set", metavar="[NAME.]PARAM=VALUE", help="a parameter of a mechanism")
     ] = None,
     duration: Annotated[float, typer.Option(metavar="S", help="how long [s]")] = 30.0,
-    seed: Annotated[int, typer.Option(help="of all noise: the same seed gives the same files")] = 0,
-    parquet: Annotated[bool, typer.Option("--parquet", help="telemetry.parquet instead of telemetry.csv")] = False,
-    plot: Annotated[bool, typer.Option("--plot", help="also run.png and run.svg")] = False,
+    seed: Annotated[int, typer.Option(help="of all noise of an axis: the same seed gives the same files")] = 0,
+    rate: Annotated[float, typer.Option(metavar="HZ", help="samples per second of a train's result")] = RATE_HZ,
+    parquet: Annotated[bool, typer.Option("--parquet", help="a Parquet file instead of CSV")] = False,
+    plot: Annotated[bool, typer.Option("--plot", help="also run.png and run.svg of an axis")] = False,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """Simulate an axis along its motion; write its telemetry at 2 kHz and its sound at 8 kHz."""
+    """Simulate an axis along its motion, its telemetry at 2 kHz and its sound at 8 kHz; or any drive train."""
     frame = frame_of(context)
-    wanted = read_mechanisms(mechanism or [], settings or [])
-    described = axis_of(frame, axis)
-    for one in wanted:
-        described = with_mechanism(described, MECHANISMS[one.name](one.location, one.values))
-    result = _watched(frame, duration, lambda watch: measure(described, duration, seed, watch=watch))
-    files = write(result, described, out, parquet=parquet)
-    if plot:
-        files += plot_measurement(result, described, out)
-    document = summary(result, described, files)
+    if train is None and axis is not None:
+        run = Run(frame, duration, out, parquet)
+        document = simulate_axis(run, axis, read_mechanisms(mechanism or [], settings or []), seed, plot=plot)
+        lines = axis_lines(document)
+    elif axis is None and train is not None:
+        if mechanism or settings or plot:
+            raise ParameterError("--mechanism, --set and --plot go with --axis")
+        document = simulate_train(Run(frame, duration, out, parquet), train, rate)
+        lines = train_lines(document)
+    else:
+        raise ParameterError("give --axis or --train, one of them")
     if json:
         frame.print_json(document)
-    else:
-        _show(frame, document)
+        return
+    for line in [*lines, *document["files"]]:
+        frame.print(line)
+
+
+def simulate_axis(run: Run, given: str, wanted: list[Wanted], seed: int, *, plot: bool) -> dict[str, Any]:
+    """Simulate an axis and write its files; return what was simulated, in numbers."""
+    from sim.description.axis_document import write_axis
+    from sim.experiment.virtual_measurement import Measurement, heard, moved, recorded
+    from sim.mechanisms import MECHANISMS
+    from sim.mechanisms.catalogue import with_mechanism
+
+    described = axis_of(run.frame, given)
+    for one in wanted:
+        described = with_mechanism(described, MECHANISMS[one.name](one.location, one.values))
+    trajectory = run.watched(lambda watch: moved(described, run.duration, watch))
+    files = [run.out / name for name in ("axis.toml", f"telemetry.{run.table}", "sound.wav")]
+    run.out.mkdir(parents=True, exist_ok=True)
+    telemetry = recorded(trajectory, described, seed)
+    with ThreadPoolExecutor(1) as beside:
+        table = beside.submit(write_telemetry, telemetry, files[1])
+        sound = heard(trajectory, described, seed)
+        write_sound(sound, files[2])
+        table.result()
+    files[0].write_text(write_axis(described), encoding="utf-8")
+    result = Measurement(trajectory, telemetry, sound)
+    if plot:
+        from app.simulation_plot import plot_measurement
+
+        files += plot_measurement(result, described, run.out)
+    return summary(result, described, files)
+
+
+def simulate_train(run: Run, path: Path, rate: float) -> dict[str, Any]:
+    """Simulate a drive train and write its files; return what was simulated, in numbers."""
+    from sim.rotational.train_document import read_train
+    from sim.solver import simulate as simulate_any
+
+    text = path.read_bytes()
+    train = read_train(text)
+    result = run.watched(lambda _: simulate_any(train, run.duration, rate))
+    columns = {"time_s": result.time_s, **result.channels}
+    files = [run.out / name for name in ("train.toml", f"result.{run.table}", "events.csv")]
+    run.out.mkdir(parents=True, exist_ok=True)
+    files[0].write_bytes(text)
+    write_table(columns, files[1])
+    write_events(result.events, files[2])
+    return {
+        "train": str(path),
+        "engine": result.engine,
+        "duration_s": float(result.time_s[-1]),
+        "sample_rate_hz": rate,
+        "events": events_of(result),
+        "channels": {
+            name: {"unit": result.units[name], "smallest": float(values.min()), "largest": float(values.max())}
+            for name, values in result.channels.items()
+        },
+        "files": [str(path) for path in files],
+    }
 
 
 def read_mechanisms(names: list[str], settings: list[str]) -> list[Wanted]:
@@ -80,6 +169,8 @@ def read_mechanisms(names: list[str], settings: list[str]) -> list[Wanted]:
 
     Raises ParameterError for a name or a setting that no mechanism knows, or that is no number.
     """
+    from sim.mechanisms import MECHANISMS
+
     wanted = []
     for text in names:
         name, _, location = text.partition("@")
@@ -95,6 +186,8 @@ def read_mechanisms(names: list[str], settings: list[str]) -> list[Wanted]:
 
 
 def _set(wanted: list[Wanted], key: str, value: str) -> None:
+    from sim.mechanisms import MECHANISMS
+
     owner, dot, parameter = key.rpartition(".")
     known = ["location"]
     for one in reversed(wanted):
@@ -121,87 +214,42 @@ def _number(key: str, value: str) -> float:
         raise ParameterError(f"--set {key}: must be a number, got {value!r}") from None
 
 
-def _watched(frame: Frame, duration: float, run: Callable[[NDArray[np.float64]], Measurement]) -> Measurement:
-    """Run in a thread and show how far it is; the compiled engine works without the interpreter's lock."""
-    watch = np.zeros(5)
-    done: dict[str, Any] = {}
-
-    def work() -> None:
-        try:
-            done["result"] = run(watch)
-        except Exception as error:  # noqa: BLE001 - raised again below, in the thread that called
-            done["error"] = error
-
-    thread = threading.Thread(target=work)
-    with frame.progress() as progress:
-        task = progress.add_task(f"simulating {duration:g} s", total=1.0)
-        thread.start()
-        while thread.is_alive():
-            progress.update(task, completed=float(watch[4]))
-            thread.join(0.1)
-    if "error" in done:
-        raise done["error"]
-    measured: Measurement = done["result"]
-    return measured
-
-
-def write(result: Measurement, axis: Axis, out: Path, *, parquet: bool = False) -> list[Path]:
-    """Write axis.toml, telemetry.csv or .parquet and sound.wav (16 bits) into a directory that is made where needed."""
-    out.mkdir(parents=True, exist_ok=True)
-    files = [out / "axis.toml", out / ("telemetry.parquet" if parquet else "telemetry.csv"), out / "sound.wav"]
-    files[0].write_text(write_axis(axis), encoding="utf-8")
-    write_telemetry(result.telemetry, files[1])
-    write_sound(result.sound, files[2])
-    return files
-
-
-def write_sound(sound: NDArray[np.float32], path: Path) -> None:
-    """A WAV file of 16 bits."""
-    soundfile.write(path, sound, int(SAMPLE_RATE_HZ), subtype="PCM_16")
-
-
-def write_telemetry(telemetry: Telemetry, path: Path) -> None:
-    """One row per sample, columns in SI units by the names of `casebase.signals.telemetry.CHANNELS`.
-
-    Parquet where the name ends so, else CSV.
-    """
-    import pyarrow as pa
-
-    columns = {"time_s": telemetry.time_s, **telemetry.channels}
-    table = pa.table({name: np.round(values, DECIMALS) for name, values in columns.items()})
-    if path.suffix == ".parquet":
-        from pyarrow import parquet
-
-        parquet.write_table(table, path)
-        return
-    from pyarrow import csv
-
-    csv.write_csv(table, path, csv.WriteOptions(quoting_style="none", quoting_header="none"))
+def events_of(trajectory: Trajectory) -> dict[str, int]:
+    """How many changes of mode each component had."""
+    return dict(Counter(event.component for event in trajectory.events))
 
 
 def summary(result: Measurement, axis: Axis, files: list[Path]) -> dict[str, Any]:
     """What was simulated, in numbers."""
-    contacts: dict[str, int] = {}
-    for event in result.trajectory.events:
-        contacts[event.component] = contacts.get(event.component, 0) + 1
     torque = result.telemetry["motor_torque_nm"]
     return {
         "axis": axis.name,
         "mechanisms": axis.to_mapping().get("mechanisms", []),
         "engine": result.trajectory.engine,
         "duration_s": float(result.trajectory.time_s[-1]),
-        "events": contacts,
+        "events": events_of(result.trajectory),
         "motor_torque_nm": {"rms": float(np.sqrt(np.mean(torque**2))), "largest": float(np.abs(torque).max())},
         "sound": {"rms": float(np.std(result.sound)), "largest": float(np.abs(result.sound).max())},
         "files": [str(path) for path in files],
     }
 
 
-def _show(frame: Frame, document: dict[str, Any]) -> None:
+def axis_lines(document: dict[str, Any]) -> list[str]:
+    """The run of an axis for people."""
     effects = ", ".join(str(entry["name"]) for entry in document["mechanisms"]) or "no added mechanism"
-    frame.print(f"{document['axis']}: {document['duration_s']:g} s with {effects} ({document['engine']})")
     torque, sound = document["motor_torque_nm"], document["sound"]
-    frame.print(f"motor torque: rms {torque['rms']:.3g} N m, largest {torque['largest']:.3g} N m")
-    frame.print(f"sound: rms {sound['rms']:.3g}, largest {sound['largest']:.3g} of full scale")
-    for path in document["files"]:
-        frame.print(path)
+    return [
+        f"{document['axis']}: {document['duration_s']:g} s with {effects} ({document['engine']})",
+        f"motor torque: rms {torque['rms']:.3g} N m, largest {torque['largest']:.3g} N m",
+        f"sound: rms {sound['rms']:.3g}, largest {sound['largest']:.3g} of full scale",
+    ]
+
+
+def train_lines(document: dict[str, Any]) -> list[str]:
+    """The run of a drive train for people."""
+    events = ", ".join(f"{name} {count}" for name, count in document["events"].items()) or "none"
+    length, channels = document["duration_s"], len(document["channels"])
+    return [
+        f"{document['train']}: {length:g} s of {channels} channels ({document['engine']})",
+        f"changes of mode: {events}",
+    ]

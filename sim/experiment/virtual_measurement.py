@@ -62,12 +62,29 @@ def measure(
 
     Raises SimulationError for an axis or a duration that cannot be, RunError where the motion left all bounds.
     """
+    trajectory = moved(axis, duration_s, watch)
+    return Measurement(trajectory, recorded(trajectory, axis, seed), heard(trajectory, axis, seed, microphone))
+
+
+def moved(axis: Axis, duration_s: float, watch: Array | None = None) -> Trajectory:
+    """The motion of an axis along its `motion`, at 8 kHz; raises as `measure` does."""
     trajectory = simulate_chain(built(axis), duration_s, SAMPLE_RATE_HZ, watch)
     if not np.isfinite(trajectory["motor.w"][-1]):
         raise RunError(f"axis {axis.name!r} left all bounds; lower servo.speed_bandwidth_rad_s")
-    telemetry = distort_telemetry(telemetry_of(trajectory, axis), axis, seed)
+    return trajectory
+
+
+def recorded(trajectory: Trajectory, axis: Axis, seed: int = 0) -> Telemetry:
+    """What the recorder takes of a motion, at 2 kHz, with the faults of the measurement."""
+    return distort_telemetry(telemetry_of(trajectory, axis), axis, seed)
+
+
+def heard(
+    trajectory: Trajectory, axis: Axis, seed: int = 0, microphone: Microphone = DEFAULT_MICROPHONE
+) -> NDArray[np.float32]:
+    """What the microphone takes of a motion in full scales, at 8 kHz, with the faults of the measurement."""
     sound = distort_sound(sound_of(trajectory, axis, microphone, seed), SAMPLE_RATE_HZ, axis, seed)
-    return Measurement(trajectory, telemetry, np.asarray(np.clip(sound, -1.0, 1.0 - LEVEL_OF_16_BIT), np.float32))
+    return np.asarray(np.clip(sound, -1.0, 1.0 - LEVEL_OF_16_BIT), np.float32)
 
 
 def telemetry_of(trajectory: Trajectory, axis: Axis) -> Telemetry:

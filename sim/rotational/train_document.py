@@ -75,7 +75,7 @@ class _Reader:
             if name in series[:i]:
                 self._refuse(("series",), f"{name} stands there twice", name)
         try:
-            train = DriveTrain.series(**{name: parts[name] for name in series})
+            train = DriveTrain.series(**{str(name): parts[str(name)] for name in series})
         except SimulationError as error:
             self._refuse(("series",), str(error))
         train = DriveTrain({**train.components, **parts}, train.connections)

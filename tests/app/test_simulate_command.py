@@ -8,11 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from pyarrow import csv, parquet
 
 from app.cli import run
 from casebase.signals.telemetry import CHANNELS, read_telemetry
 from sim.description.axis_document import read_axis, write_axis
+from sim.solver import simulate
 from tests.sim.axes import axis
+from tests.sim.rotational.test_train_document import COMPOSED, PAPER
 
 
 @pytest.fixture
@@ -85,6 +88,62 @@ def test_bad_input_is_refused_in_one_sentence(
     described: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
 ) -> None:
     assert run(["simulate", "--axis", str(described), *words, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert "Traceback" not in error
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture
+def train(tmp_path: Path) -> Path:
+    path = tmp_path / "paper.toml"
+    path.write_text(PAPER, encoding="utf-8")
+    return path
+
+
+def test_a_drive_train_by_modelica_s_names(train: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    words = ["simulate", "--train", str(train), "--out", str(out), "--duration", "2", "--rate", "1000"]
+    assert run([*words, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [Path(name).name for name in document["files"]] == ["train.toml", "result.csv", "events.csv"]
+    assert document["duration_s"] == 2.0
+    assert document["channels"]["load.w"]["unit"] == "rad/s"
+    assert (out / "train.toml").read_text(encoding="utf-8") == PAPER
+    wanted = simulate(COMPOSED, 2.0, 1000.0)
+    read = csv.read_csv(out / "result.csv")
+    assert read.column_names == ["time_s", *wanted.channels]
+    for name in wanted.channels:
+        np.testing.assert_allclose(read.column(name).to_numpy(), wanted[name], rtol=1e-9, atol=1e-9)
+    events = (out / "events.csv").read_text(encoding="utf-8").splitlines()
+    assert events[0] == "time_s,component,from,to"
+    assert len(events) == 1 + len(wanted.events) == 1 + sum(document["events"].values())
+    first = wanted.events[0]
+    assert events[1] == f"{first.time_s!r},{first.component},{first.from_name},{first.to_name}"
+    assert run([*words, "--parquet"]) == 0
+    assert str(out / "result.parquet") in capsys.readouterr().out
+    assert parquet.read_table(out / "result.parquet").column("load.w").equals(read.column("load.w"))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "give --axis or --train, one of them"),
+        (["--train", "{train}", "--axis", "{train}"], "give --axis or --train, one of them"),
+        (["--train", "{train}", "--mechanism", "backlash"], "--mechanism, --set and --plot go with --axis"),
+        (["--train", "{train}", "--duration", "0"], "duration_s: must be > 0"),
+        (["--train", "{train}", "--rate", "0"], "sample_rate_hz: must be > 0"),
+        (["--train", "{train}.no"], "no such file"),
+        (["--train", "{wrong}"], "line 10: components.motor.J: must be > 0 kg.m2, got -0.6"),
+    ],
+)
+def test_bad_input_of_a_train_is_refused_in_one_sentence(
+    train: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(PAPER.replace("J = 0.6", "J = -0.6"), encoding="utf-8")
+    given = [word.format(train=train, wrong=wrong) for word in words]
+    assert run(["simulate", *given, "--out", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
     assert said in error
     assert "Traceback" not in error
