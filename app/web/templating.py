@@ -29,6 +29,7 @@ NAVIGATION = (
     ("/library", "Library", "3", "viewer"),
     ("/axes", "Axes and robots", "4", "viewer"),
     ("/investigations", "Model and measurement", "5", "viewer"),
+    ("/simulate", "Simulate", "0", "viewer"),
     ("/jobs", "Jobs", "6", "operator"),
     ("/alarms", "Alarms", "7", "admin"),
     ("/keys", "Keys", "8", "admin"),

@@ -204,7 +204,7 @@ def test_an_axis_may_have_a_name_of_any_script(service: Inside, name: str) -> No
     assert answer.headers["location"] == f"{API}/axes/{quote(name, safe='')}"
     assert service.ask("GET", answer.headers["location"]).json()["name"] == name
     page = f"/axes/{quote(name, safe='')}"
-    for path in (page, f"{page}/try", f"{page}/axis.toml", "/axes"):
+    for path in (page, f"/simulate?axis={quote(name)}", f"{page}/axis.toml", "/axes"):
         assert service.browse("GET", path).status_code == 200, path
     assert f'href="{page}"' in service.browse("GET", "/axes").text
     mark = service.browse("POST", f"{page}/marks", data={"text": "oiled", "at": "2026-11-20T14:03"})
@@ -257,11 +257,11 @@ def test_a_header_with_degrees_is_read_in_the_encodings_that_controls_write(serv
     assert answer.status_code == 202, answer.text
 
 
-def test_parameters_of_a_direct_drive_cannot_be_tried_and_are_not_offered(service: Inside) -> None:
+def test_a_direct_drive_has_no_mechanisms_to_simulate_and_none_are_offered(service: Inside) -> None:
     direct = {"name": "direct", "motor": {"inertia_kg_m2": 0.1}, "load": {"inertia_kg_m2": 1.0}}
     service.ask("POST", f"{API}/axes", json=direct).raise_for_status()
-    assert "/axes/direct/try" not in service.browse("GET", "/axes/direct").text
-    answer = service.browse("GET", "/axes/direct/try")
+    assert "/simulate?axis=direct" not in service.browse("GET", "/axes/direct").text
+    answer = service.browse("GET", "/simulate?axis=direct")
     assert (answer.status_code, answer.headers["content-type"]) == (422, "text/html; charset=utf-8")
     assert "no gear stage" in answer.text
 

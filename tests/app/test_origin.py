@@ -117,18 +117,3 @@ def test_a_diagnosed_simulated_case_is_none_that_was_measured(service: Inside, t
     diagnosis = service.ask("POST", f"{API}/diagnoses", files=parts).raise_for_status().json()
     made = service.ask("POST", f"{API}/cases", json={"diagnosis_id": diagnosis["id"], "label": "notch"})
     assert made.json()["origin"] == "simulated"
-
-
-def test_parameters_are_tried_beside_what_a_recording_is_called(service: Inside) -> None:
-    """A simulated recording is none that was measured; a measured one is shown first."""
-    page = service.browse("GET", "/axes/bench/try").text
-    assert "simulated now less simulated case" in page
-    assert "simulated itself" in page
-    assert "measured" not in page
-    send(service, sound(8, impacts=True), axis="bench")
-    recording = service.ask("GET", f"{API}/diagnoses").json()["items"][0]["recording"]["id"]
-    page = service.browse("GET", "/axes/bench/try").text
-    assert "simulated now less measured" in page
-    assert "simulated case: demonstration.wav" in page
-    chosen = service.browse("GET", f"/axes/bench/try?recording={recording}").text
-    assert "simulated now less simulated case" in chosen

@@ -325,16 +325,6 @@ def test_better_model_is_accepted_once(opened: Opened, site: Site) -> None:
         assert "Revision 3," not in client.get("/axes/one%20body").text
 
 
-def test_sliders_simulate_at_once(opened: Opened, site: Site) -> None:
-    """Moving a slider draws the spectrum and what is left anew, and leaves the page and the slider where they are."""
-    with opened("viewer", "/axes/bench/try") as page:
-        before = page.locator("#result .series").first.get_attribute("d")
-        page.get_by_label("Transmission error, times that of a new gear").fill("6")
-        expect(page.locator("#result .series").first).not_to_have_attribute("d", str(before))
-        expect(page.get_by_role("heading", name="Difference: simulated")).to_be_visible()
-        expect(page.locator('output[for="error"]')).to_have_text("6")
-
-
 def test_error_is_a_sentence_with_the_way_out(opened: Opened, site: Site) -> None:
     with browsing(site, "viewer") as client:
         answer = client.get("/diagnoses/none")

@@ -66,7 +66,7 @@ VIEWER_PAGES = (
     "/cases/{case}/taught",
     "/axes",
     "/axes/bench",
-    "/axes/bench/try",
+    "/simulate?axis=bench&gap_mrad=1&diagnose=true",
     "/first-hour",
     "/axes/bench/first-hour",
     "/investigations",

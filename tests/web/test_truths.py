@@ -11,12 +11,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.web.svg import polar_chart
-from casebase.axes import add_axis
 from casebase.models import StoredJob, new_id, now
-from sim.description.axis_document import parse_axis
 from sim.discrepancy.report.panels import AS_DESCRIBED, DESCRIBED, EXTENDED, FLOOR, MEASURED
 from tests.app.test_page_errors import RESULTS
-from tests.web.conftest import AXIS, Opened, Site, Tab, settle
+from tests.web.conftest import Opened, Site, Tab, settle
 
 pytestmark = pytest.mark.browser
 
@@ -83,31 +81,7 @@ def test_the_page_of_a_job_that_is_over_opens(tab: Tab, site: Site) -> None:
     library.close()
 
 
-def test_sliders_begin_at_what_the_revision_has(tab: Tab, site: Site) -> None:
-    worn = parse_axis(AXIS) | {
-        "name": "worn",
-        "mechanisms": [
-            {"name": "backlash", "location": "output", "gap_rad": 0.00087},
-            {"name": "backlash", "location": "transfer", "gap_rad": 0.002},
-        ],
-    }
-    library = site.library()
-    with library.transaction("test") as session:
-        add_axis(session, "worn", worn)
-    library.close()
-    with tab("/axes/worn/try") as page:
-        play = page.get_by_label("Backlash (play) of the last mesh")
-        assert float(play.input_value()) == pytest.approx(0.87)
-        expect(page.locator("output[for=gap_mrad]")).to_have_text("0.87")
-        assert page.get_by_label("Tooth damage (notch)").input_value() == "0"
-        expect(page.locator("form.sliders .hint")).to_contain_text("backlash (play) at transfer (gap 0.002")
-        expect(page.locator("form.sliders .hint")).not_to_contain_text("output")
-
-
-def test_a_simulated_case_is_compared_as_one(tab: Tab, site: Site) -> None:
-    with tab(f"/axes/bench/try?recording={site.recorded}") as page:
-        expect(page.locator("#result .legend").first).to_contain_text("simulated case")
-        expect(page.locator("#result .legend").first).not_to_contain_text("measured")
+def test_a_simulated_case_is_counted_as_one(tab: Tab) -> None:
     with tab("/library/coverage") as page:
         notch = page.locator("tr", has_text="bench").filter(has_text="notch")
         cells = notch.locator("td").all_inner_texts()
@@ -171,7 +145,7 @@ def test_a_thing_has_one_colour_and_stroke_over_panels_page_and_report(
 def test_an_unknown_axis_is_said(opened: Opened, site: Site) -> None:
     with opened("admin", "/library?axis=nobody") as page:
         expect(page.get_by_role("status")).to_contain_text("No axis is known as 'nobody'; described are")
-        for path in ("/axes/nobody", "/axes/nobody/try", "/library/simulate?axis=nobody"):
+        for path in ("/axes/nobody", "/simulate?axis=nobody", "/library/simulate?axis=nobody"):
             answer = page.request.get(site.url + path, headers={"Accept": "text/html"})
             assert (answer.status, "nobody" in answer.text()) == (404, True), path
         page.goto(site.url + "/diagnoses/new")

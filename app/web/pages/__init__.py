@@ -16,12 +16,12 @@ from app.web.pages import (
     investigations,
     jobs,
     library,
-    model,
     queue,
     recordings,
     review,
     robots,
     session,
+    simulate,
 )
 from app.web.session import SignInNeeded
 from app.web.templating import STATIC
@@ -40,7 +40,7 @@ PAGES: tuple[APIRouter, ...] = (
     robots.router,
     describe.router,
     first_hour.router,
-    model.router,
+    simulate.router,
     investigations.router,
     jobs.router,
     alarms.router,

@@ -373,11 +373,42 @@ addEventListener("htmx:responseError", (event) => {
   target.replaceChildren(notice);
 });
 
-/* sliders say their value */
-addEventListener("input", (event) => {
-  const output = event.target.id && one(`output[for="${event.target.id}"]`);
-  if (output) output.textContent = String(+Number(event.target.value).toPrecision(3)).replace("-", "−");
+/* a slider and its number field say the same; without JavaScript there is the number alone */
+all("[data-with][hidden]").forEach((slider) => (slider.hidden = false));
+addEventListener("input", ({ target }) => {
+  const other = target.dataset.with && document.getElementById(target.dataset.with);
+  if (other && target.value !== "") other.value = +Number(target.value).toPrecision(3);
 });
+
+/* two sounds: one plays at a time, and the other goes on where it was; the second follows the sliders */
+const pair = one("[data-pair]");
+if (pair) {
+  const sounds = all("audio", pair);
+  const button = one("[data-swap]", pair);
+  let heard = sounds[1];
+  button.hidden = false;
+  button.addEventListener("click", () => {
+    const other = sounds.find((sound) => sound !== heard);
+    other.currentTime = heard.currentTime;
+    other.play();
+  });
+  for (const sound of sounds) {
+    sound.addEventListener("play", () => {
+      sounds.filter((other) => other !== sound).forEach((other) => other.pause());
+      heard = sound;
+      one("[data-playing]", pair).textContent = `You hear: ${document.getElementById(sound.getAttribute("aria-labelledby")).textContent}`;
+    });
+  }
+  addEventListener("htmx:afterSwap", () => {
+    const [, second] = sounds;
+    const { sound } = one("#result").dataset;
+    if (second.getAttribute("src") === sound) return;
+    const [at, plays] = [second.currentTime, !second.paused];
+    second.src = sound;
+    second.currentTime = at;
+    if (plays) second.play();
+  });
+}
 
 /* what was folded away stays folded away */
 for (const element of all("details[data-remember]")) {

@@ -1,0 +1,189 @@
+"""Simulate: an axis with mechanisms from sliders, drawn and heard beside the one that is described."""
+
+import io
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated
+from urllib.parse import urlencode
+
+import numpy as np
+import soundfile
+from fastapi import APIRouter, Depends, Header, Query, Request
+from fastapi.responses import Response
+
+from app.api.recordings import asked_range
+from app.errors import Unprocessable
+from app.gate import Looking
+from app.intake import hear
+from app.metadata import RecordingMetadata
+from app.service import Service, TheService
+from app.web.charts import Chart
+from app.web.session import PageViewer
+from app.web.simulator import Line, Run, Slider, moved, simulate, sliders
+from app.web.svg import Series
+from app.web.templating import render
+from app.web.words import certainty, verdict_of
+from casebase.axes import find_axis, get_axis, list_axes
+from casebase.diagnoses import provenance
+from casebase.signals.crest import peak, root_mean_square
+from casebase.signals.recording import Recording
+from sim.acoustics.microphone import SAMPLE_RATE_HZ
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.experiment.paper_axis import PAPER_AXIS
+
+router = APIRouter(prefix="/simulate", dependencies=[Looking])
+SECTION = "/simulate"
+SHOWN, DIAGNOSED = (2, 2.0, 8.0), (4, 10.0, 24.0)
+"""Cycles of the motion, but at least and at most so long [s], that are drawn and heard, and that are diagnosed."""
+TIME = "time [s]"
+PEAK = 0.2
+"""Of the described axis, in full scales: what is louder is still heard as it is."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """An axis and where its sliders stand.
+
+    Args:
+        values: of all sliders, by name.
+    """
+
+    axis: Axis
+    sliders: tuple[Slider, ...]
+    values: Mapping[str, float]
+
+    def run(self, length: tuple[int, float, float] = SHOWN) -> Run:
+        return simulate(moved(self.axis, self.values), self.duration_s(length))
+
+    def described(self) -> Run:
+        return simulate(self.axis, self.duration_s(SHOWN))
+
+    def duration_s(self, length: tuple[int, float, float]) -> float:
+        cycles, least_s, most_s = length
+        return min(max(cycles * self.axis.motion.period_s, least_s), most_s)
+
+    def query(self, *, is_described: bool) -> str:
+        """Return what asks for the sound."""
+        values = {one.name: one.start for one in self.sliders} if is_described else self.values
+        return urlencode({"axis": self.axis.name, **values})
+
+
+def asked(request: Request, service: TheService, _: PageViewer, axis: Annotated[str, Query()] = "") -> Asked:
+    """Dependency: what the query asks for; by default the axis of the paper, whether it is stored or not.
+
+    Raises:
+        NotFoundError: if no axis has the name.
+        Unprocessable: if it has no gear.
+    """
+    name = axis or PAPER_AXIS.name
+    with service.library.reading() as session:
+        row = find_axis(session, name)
+        if row is None and name != PAPER_AXIS.name:
+            get_axis(session, name)
+    known = PAPER_AXIS if row is None else read_axis(row.document)
+    if not known.stages:
+        raise Unprocessable(
+            f"The axis {name!r} has no gear stage, so it has no teeth whose sound could be simulated. Describe its "
+            "gears in [[stages]] and add it again: POST /api/v1/axes."
+        )
+    made = sliders(known)
+    return Asked(known, made, {one.name: _value(request.query_params.get(one.name), one) for one in made})
+
+
+TheAsked = Annotated[Asked, Depends(asked)]
+
+
+def _value(text: str | None, slider: Slider) -> float:
+    try:
+        value = float(text or slider.start)
+    except ValueError:
+        return slider.start
+    return min(max(value, slider.low), slider.high) if math.isfinite(value) else slider.start
+
+
+@router.get("")
+def simulate_axis(
+    request: Request, service: TheService, principal: PageViewer, wanted: TheAsked, diagnose: bool = False
+) -> Response:
+    """Draw the axis as it is set beside the axis as it is described; diagnose its sound if asked for."""
+    with service.library.reading() as session:
+        names = [row.name for row in list_axes(session) if row.document.get("stages")]
+    words = "as described" if wanted.axis.mechanisms else "healthy, as described"
+    runs = {"as set": wanted.run(), words: wanted.described()}
+    context = {
+        "axis": wanted.axis,
+        "axes": sorted({PAPER_AXIS.name, *names}),
+        "sliders": [(one, wanted.values[one.name]) for one in wanted.sliders],
+        "described": words,
+        "charts": charts(runs),
+        "numbers": [
+            (name, run.crest.largest, root_mean_square(run.sound), peak(run.sound)) for name, run in runs.items()
+        ],
+        "sounds": [wanted.query(is_described=True), wanted.query(is_described=False)],
+        "diagnosis": diagnosed(service, wanted) if diagnose else None,
+    }
+    return render(request, "simulator.html", context, principal=principal, section=SECTION)
+
+
+def charts(runs: Mapping[str, Run]) -> tuple[Chart, ...]:
+    """Draw the axis as it is set solid, and the described one dashed over it."""
+
+    def drawn(title: str, x_label: str, y_label: str, of: Callable[[Run], Line]) -> Chart:
+        lines = zip(runs, map(of, runs.values()), (1, 2), strict=True)
+        return Chart(title, tuple(Series(name, x, y, style) for name, (x, y), style in lines), x_label, y_label)
+
+    own, other = runs.values()
+    more = own.torque_n_m - np.interp(own.time_s, other.time_s, other.torque_n_m)
+    less = Series(" less ".join(runs), own.time_s, more)
+    return (
+        drawn("Torque of the motor", TIME, "torque [N m]", lambda run: (run.time_s, run.torque_n_m)),
+        Chart("Difference of the torque", (less,), TIME, "difference [N m]"),
+        drawn("Speed of the output", TIME, "speed [rad/s]", lambda run: (run.time_s, run.speed_rad_s)),
+        drawn(
+            "Crest factor below 200 Hz", TIME, "crest factor [1]", lambda run: (run.crest.middle_s, run.crest.values)
+        ),
+        drawn("Spectrum of the sound", "frequency [Hz]", "level, rms [dB re 1²]", lambda run: run.spectrum),
+    )
+
+
+@router.get("/sound.wav")
+def sound(
+    wanted: TheAsked, byte_range: Annotated[str | None, Header(alias="Range", max_length=100)] = None
+) -> Response:
+    """The sound, whole or one range of it; the described one and the one that is set are louder by the same factor."""
+    louder = PEAK / max(peak(wanted.described().sound), 1e-9)
+    memory = io.BytesIO()
+    samples = np.clip(louder * wanted.run().sound, -1.0, 1.0)
+    soundfile.write(memory, samples, int(SAMPLE_RATE_HZ), subtype="PCM_16", format="WAV")
+    content = memory.getvalue()
+    start, end = asked_range(byte_range, len(content))
+    if end - start == len(content):
+        return Response(content, headers={"Accept-Ranges": "bytes"}, media_type="audio/wav")
+    headers = {"Accept-Ranges": "bytes", "Content-Range": f"bytes {start}-{end - 1}/{len(content)}"}
+    return Response(content[start:end], 206, headers, "audio/wav")
+
+
+def diagnosed(service: Service, wanted: Asked) -> Mapping[str, object]:
+    """Return what the library says of the sound of a longer run of the same motion; nothing is stored."""
+    axis = wanted.axis
+    recording = Recording(wanted.run(DIAGNOSED).sound, SAMPLE_RATE_HZ)
+    told = RecordingMetadata(
+        axis=axis.name,
+        speed_rad_s=axis.motion.load_speed_rad_s,
+        payload_kg_m2=axis.load.inertia_kg_m2 or None,
+    )
+    heard = hear(service.library, recording, "simulated.wav", "audio/wav", told, axis)
+    with service.library.reading() as session:
+        reasoner = service.library.reuse.reasoner(session)
+        found = reasoner.diagnose(heard.extraction, axis=axis.name)
+        document = {**found.to_document(), "provenance": provenance(reasoner, axis.name)}
+    document |= {"severity": None, "detection_limit": {}, "recording": {"duration_s": recording.duration_s}}
+    return {
+        "verdict": verdict_of(document),
+        "label": found.label,
+        "sure": certainty(document),
+        "neighbours": found.neighbours,
+        "duration_s": recording.duration_s,
+    }
