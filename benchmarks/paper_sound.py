@@ -251,12 +251,15 @@ def draw(out: Path) -> list[Path]:
     traces = {label: crest_trace(sound, SAMPLE_RATE_HZ) for label, sound in sounds.items()}
     for number, (row, label) in enumerate(zip(rows, ("notch", "play"), strict=True), 8):
         each = traces[label]
-        begin, over_mean = np.arange(each.values.size) * WINDOW_S, each.largest / each.mean
+        begin = np.arange(each.values.size) * WINDOW_S
+        over_mean = f"largest over mean {each.largest / each.mean:.1f}, the paper: {PAPER_OVER_MEAN[label]}"
         row.step(begin, traces["normal"].values, where="post", lw=0.8, color="0.6", label="normal")
         row.step(begin, each.values, where="post", label=label)
-        row.axhline(each.mean, ls="--", lw=0.8, color="C1", label=f"mean; the largest is {over_mean:.1f} of it")
-        row.set(title=f"{number}: crest factor, {label}, windows of {WINDOW_S:g} s", ylabel="crest factor [1]")
-        row.legend(fontsize=8)
+        row.axhline(each.mean, ls="--", lw=0.8, color="C1", label="mean")
+        row.set(
+            title=f"{number}: crest factor, {label}, windows of {WINDOW_S:g} s; {over_mean}", ylabel="crest factor [1]"
+        )
+        row.legend(fontsize=8, loc="upper right")
         _mark_motion(row)
     rows[-1].set_xlabel("time [s]")
     files = [out / name for name in ("paper_1.png", "paper_5_to_7.png", "paper_8_and_9.png")]
@@ -290,7 +293,7 @@ def _draw_spectrum(figure: Figure) -> None:
         for side in (-1, 1) if words.endswith("transfer gear") else ():
             words_beside = f"beside it by the transfer shaft, {shaft:.2f} Hz" if side == 1 else None
             row.axvline(transfer + side * shaft, color="C3", ls="--", lw=0.8, label=words_beside)
-        row.set(title=f"1: FFT of {words} at full speed", ylabel="amplitude [1]")
+        row.set(title=f"1: FFT at full speed, {words}", ylabel="amplitude [1]")
         row.legend(fontsize=8)
     row.set_xlabel("frequency [Hz]")
 

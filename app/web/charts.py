@@ -126,7 +126,7 @@ def crest_trace(surveyed: Survey) -> Chart:
         "time [s]",
         "crest factor [1]",
         markers=reversals(surveyed),
-        events=tuple(times[values == found.whole_record]),
+        events=tuple(times[values == found.whole_record].tolist()),
         stretches=stretches(surveyed),
         cursor="time",
     )
