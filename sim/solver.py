@@ -13,9 +13,9 @@ from sim.errors import CompositionError, ParameterError, RunError, number
 from sim.piecewise_affine.channels import channel_names, channel_units
 from sim.piecewise_affine.engine import Block, ExactEngine, component_events
 from sim.piecewise_affine.system import Array, System
+from sim.residual import Residual, check_finite, instants
 from sim.rotational.drive_train import DriveTrain
-from sim.rotational.trajectory import MEMORY_LIMIT_BYTES, Channels, Residual, Trajectory
-from sim.verification import check_finite, instants
+from sim.rotational.trajectory import MEMORY_LIMIT_BYTES, Channels, Trajectory
 
 Engine = Literal["exact", "chain"]
 MAX_DURATION_S = 1e6

@@ -28,9 +28,9 @@ from sim.piecewise_affine.mode_search import (
     sizes,
 )
 from sim.piecewise_affine.system import Array, Mode, System
+from sim.piecewise_affine.verification import Verifier
 from sim.rotational.component import STUCK
 from sim.rotational.trajectory import Event
-from sim.verification import Verifier
 
 RESEED_SAMPLES = 1024
 """Every so many samples sinusoids are set to their true values again; until then rounding adds up to 1e-13 of them."""

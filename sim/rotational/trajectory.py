@@ -1,13 +1,14 @@
 """What a simulation gives: named channels with units over one clock, and the list of events."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import CompositionError, near_match
+from sim.residual import Residual
 
 MEMORY_LIMIT_BYTES = 2_000_000_000
 """Largest result that is returned at once: 43 minutes of three shafts at 8 kHz."""
@@ -43,38 +44,6 @@ class Channels(Mapping[str, NDArray[np.float64]]):
 
     def __len__(self) -> int:
         return len(self._sources)
-
-
-@dataclass(frozen=True)
-class Residual:
-    """How well a run obeys its equations, each relative to the terms that should cancel.
-
-    What was not looked at is nan.
-
-    Parameters
-    ----------
-    equations
-        Balances of torques at the flanges, constraints of shafts and gears, laws of the components.
-    limits
-        By how much an inequality of a mode is missed: a friction beyond its limit, a flank that pulls.
-    motion
-        Flanges that follow a signal, from that signal.
-    flow
-        Each sample from what follows from the one before.
-    energy
-        Change of kinetic energy from the work of all torques, relative to the energy that is moved.
-    """
-
-    equations: float = 0.0
-    limits: float = 0.0
-    motion: float = 0.0
-    flow: float = float("nan")
-    energy: float = float("nan")
-
-    @property
-    def largest(self) -> float:
-        """The largest of all that were looked at."""
-        return float(np.nanmax(list(asdict(self).values())))
 
 
 @dataclass(frozen=True)

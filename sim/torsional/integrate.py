@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sim.torsional.laws import COULOMB_F, DRIFT, friction
-from sim.torsional.model import Array, Chain, ChainError, ChainResult, Drive, PrescribedMotion, Servo
+from sim.errors import RunError
+from sim.laws import COULOMB_F, DRIFT, friction
+from sim.residual import SMALLEST, TOLERANCE, Residual, check_finite, instants
+from sim.torsional.model import Array, Chain, ChainError, ChainResult, Drive, Servo
 from sim.torsional.rows import shaft_row
 
 LOG_ROWS = 20_000
-START_SAMPLES = 101
+LINK, ALL = 0, 4  # rows of residuals that are of links, and of all shafts
+WORDS = (
+    "its torque is not that of its law",
+    "the torques do not balance",
+    "it sticks beyond its friction",
+    "a sample does not follow from the one before",
+    "the balance of energy is not fulfilled",
+)
 MAX_SAMPLES = 200_000_000
+Names = Callable[[int, bool], str]
 
 
 def run_chain(
@@ -23,15 +36,17 @@ def run_chain(
     *,
     substeps: int | None = None,
     start: Array | None = None,
-    light: bool = False,
     watch: Array | None = None,
+    names: Names | None = None,
 ) -> ChainResult:
     """Integrate `samples` output rows at `sample_rate_hz`; inputs given as samples have the same rate.
 
-    `start`: angles then speeds, shape (2 shafts,); default `steady_start` of a prescribed motion or servo, else rest.
-    `substeps` per sample: default `stable_substeps`. `light` keeps load angle and motor torque only.
+    `start`: angles then speeds, shape (2 shafts,); default `steady_start` of a servo, else rest. `substeps` per sample:
+    default `stable_substeps`.
     `watch`: five numbers, of which the last tells another thread the fraction that is done.
-    Raises ChainError for a wrong chain, drive or size before any work.
+    `names` gives that of a shaft or, where its second argument is true, of a link for the words of errors.
+    Raises ChainError for a wrong chain, drive or size before any work, RunError for a result that does not obey its
+    equations.
     """
     from sim.torsional import kernel as chain_kernel
     from sim.torsional.packing import checked, pack, pack_drive
@@ -42,33 +57,69 @@ def run_chain(
     substeps = stable_substeps(chain, sample_rate_hz) if substeps is None else substeps
     if not 1 <= substeps <= 10_000:
         raise ChainError(f"substeps: needs 1 to 10000, got {substeps}")
-    kind, coefficients, motion, servo, reference = pack_drive(drive, sample_rate_hz, samples)
+    kind, coefficients, given, servo, reference = pack_drive(drive, sample_rate_hz, samples)
     q[1] = kind
     p[chain_kernel.DRIVE : chain_kernel.DRIVE + 8] = coefficients
     state = np.zeros(11)
-    first = _default_start(chain, drive, sample_rate_hz) if start is None else checked("start", start, (2 * n,))
+    first = _default_start(chain, drive) if start is None else checked("start", start, (2 * n,))
     state[:n], state[4 : 4 + n] = first[:n], first[n:]
-    width = drive.friction_width_rad_s if isinstance(drive, PrescribedMotion) else 1.0
     tolerance = 1e-12 * max([1.0, *(link.stiffness_n_m_per_rad for link in chain.links)])
     grid = np.zeros(5) if watch is None else watch
-    grid[:4] = sample_rate_hz, substeps, width, tolerance
-    angle = np.empty((samples, 1 if light else n))
-    speed = np.empty((samples, 0 if light else n))
-    acceleration = np.empty((samples, 0 if light else n))
-    force = np.empty((samples, 0 if light else len(chain.links)))
+    grid[:3] = sample_rate_hz, substeps, tolerance
+    angle, speed, acceleration = (np.empty((samples, n)) for _ in range(3))
+    force = np.empty((samples, n - 1))
     torque = np.empty(samples)
-    log = np.empty((0 if light else LOG_ROWS, 5))
+    log = np.empty((LOG_ROWS, 5))
     while True:
         count, unresolved = chain_kernel.run(
-            p.copy(), q.copy(), motion, servo, reference, grid, state,
+            p.copy(), q.copy(), given, servo, reference, grid, state,
             log, angle, speed, acceleration, force, torque,
         )  # fmt: skip
-        if light or count <= len(log):
+        if count <= len(log):
             break
         log = np.empty((count, 5))
-    return ChainResult(
-        sample_rate_hz, angle, speed, acceleration, force, torque, count, unresolved, log[: 0 if light else count]
-    )
+    result = ChainResult(sample_rate_hz, angle, speed, acceleration, force, torque, count, unresolved, log[:count])
+    return replace(result, residual=_check(p, q, given, grid, result, names))
+
+
+def _check(
+    p: Array, q: NDArray[np.int64], given: Array, grid: Array, result: ChainResult, names: Names | None
+) -> Residual:
+    """Hold a result against the equations at `instants`; raise RunError where it does not obey them."""
+    from sim.torsional import equations
+    from sim.torsional.kernel import DRIVE, KIND, SERVO
+
+    rate, time = float(grid[0]), result.time_s
+    for values in (result.angle_rad, result.speed_rad_s):
+        check_finite(time, values, lambda k: _named(names, equations.FLOW, k))
+    at = instants(len(time))
+    if q[KIND] == SERVO:
+        ends = np.repeat(result.motor_torque_n_m[at, None], 2, axis=1)
+    elif given.shape[1] > 1:
+        ends = np.stack([given[0, at], given[0, at + 1]], axis=1)
+    else:
+        ends = np.full((len(at), 2), p[DRIVE])
+    events = result.log[:, 0]
+    quiet = np.searchsorted(events, time[at] - 1e-12) == np.searchsorted(events, time[at + 1] + 1e-12)
+    motion = result.angle_rad, result.speed_rad_s, result.acceleration_rad_s2, result.force_n_m
+    found, sizes = equations.residuals(at, quiet, ends, rate, int(grid[1]), *motion, p, q)
+    sizes = np.maximum(sizes, SMALLEST * np.maximum(sizes.max(axis=1, keepdims=True), SMALLEST))
+    share = found / sizes[:, None, :]
+    if not share.max() <= TOLERANCE:
+        kind, instant, column = (int(i) for i in np.unravel_index(int(np.argmax(share)), share.shape))
+        raise RunError(
+            f"{_named(names, kind, column)}: {WORDS[kind]} at {time[at[instant]]:.9g} s "
+            f"(residual {share.max():.1e}, at most {TOLERANCE:g})"
+        )
+    force, balance, limit, flow, energy = share.max(axis=(1, 2)).tolist()
+    return Residual(max(force, balance), limit, float("nan"), flow, energy)
+
+
+def _named(names: Names | None, kind: int, column: int) -> str:
+    if kind == ALL:
+        return "all shafts"
+    link = kind == LINK
+    return names(column, link) if names else f"{'link' if link else 'shaft'} {column}"
 
 
 def _check_run(sample_rate_hz: float, samples: int) -> None:
@@ -78,25 +129,16 @@ def _check_run(sample_rate_hz: float, samples: int) -> None:
         raise ChainError(f"samples: needs 2 to {MAX_SAMPLES}, got {samples}; simulate longer runs in pieces")
 
 
-def _default_start(chain: Chain, drive: Drive, rate: float) -> Array:
-    if isinstance(drive, PrescribedMotion):
-        return _smooth_start(chain, drive.motion, rate)
+def _default_start(chain: Chain, drive: Drive) -> Array:
     if isinstance(drive, Servo):
         return steady_start(chain, float(drive.reference[0, 0]), float(drive.reference[1, 0]))
     return np.zeros(2 * len(chain.shafts))
 
 
-def _smooth_start(chain: Chain, motion: Array, rate: float) -> Array:
-    """Measured angles are noisy: speed and acceleration at the start are those of a parabola over its first samples."""
-    angle = motion[0, :START_SAMPLES]
-    curve = np.polynomial.Polynomial.fit(np.arange(angle.size) / rate, angle, 2)
-    return steady_start(chain, float(angle[0]), float(curve.deriv()(0.0)), float(curve.deriv(2)(0.0)))
-
-
-def stable_substeps(chain: Chain, sample_rate_hz: float, largest_phase: float = 0.5) -> int:
+def stable_substeps(chain: Chain, sample_rate_hz: float, largest_phase: float = 0.1) -> int:
     """Steps per sample for which (fastest torsional mode or damping rate) * step <= `largest_phase`.
 
-    At 0.5 the Runge-Kutta phase error of that fastest mode is 0.5^4 / 120 = 5e-4; it falls with the fourth power.
+    At 0.1 the Runge-Kutta phase error of that fastest mode is 0.1^4 / 120 = 8e-7; it falls with the fourth power.
     """
     n = len(chain.shafts)
     stiffness = np.zeros((n, n))

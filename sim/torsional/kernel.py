@@ -8,7 +8,7 @@ crossing zero ends the step; the instant is found on the Runge-Kutta solution it
 Three arrays hold everything, because numba counts references of every array it takes out of a tuple, which cost more
 than the physics: `p` parameters (shaft k at 16 k, link k at LINKS + 16 k, drive, rows of lines,
 waves, dents and ripples), `q` counts, offsets and modes, `w` working rows. Importing this module imports numba;
-`sim.torsional.reduction` does so at the first simulation. Friction, spring and dents are those of `sim.torsional.laws`,
+`sim.torsional.reduction` does so at the first simulation. Friction, spring and dents are those of `sim.laws`,
 as in the observer of an investigation.
 """
 
@@ -22,14 +22,17 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sim.torsional import laws
-from sim.torsional.laws import (
+from sim import laws
+from sim.laws import (
+    APART,
     BF1,
     BF2,
+    BOTH,
     COULOMB_B,
     COULOMB_F,
     CUBIC,
     DRIFT,
+    ELASTO,
     ETA1,
     ETA2,
     FRICTIONAL,
@@ -39,6 +42,8 @@ from sim.torsional.laws import (
     HYST_X,
     INV,
     LAW,
+    LIMITED,
+    LINEAR,
     LOSSY,
     OFFSET,
     PHASE,
@@ -60,16 +65,15 @@ Ints = list[int]
 Matrix = NDArray[np.float64]
 
 # range() with a step divides, which costs more than the loop: hence while
-# p; J and ETA1 hold the reciprocals
+# p; J holds the reciprocal
 WIDTH, LINKS, DRIVE, ROWS = 16, 64, 112, 120
 # q: number of shafts, kind of drive, then offsets into p where the rows of link (ripples: all) begin and end
 SHAFTS, KIND, RIPPLES, LINES, WAVES, DENTS, CONTACT, LOOP, WAY, SIDE = 0, 1, 2, 4, 8, 12, 16, 20, 24, 28
 Q_SIZE = 32
-TORQUE, PRESCRIBED, SERVO = 0, 1, 2
+TORQUE, SERVO = 0, 1
 PLAIN = 9  # contact of a link without gap: one law for both flanks, never left
 FREE = 9  # way of a shaft on which nothing depends on the direction
-GAP, NORMAL, DAMPED, NO_PULL = 0, 1, 2, 3  # with the sign of the flank; DAMPED: damper torque clipped
-LAW_LINEAR, LAW_ELASTO, LAW_ELASTO2 = 1, 2, 3
+GAP = 0  # or a piece of the law of contact with the sign of the flank
 # w: states are angles, speeds (from 4), hysteresis torques (from 8)
 # margins: 4 per link (two of contact, loop, side), then 2 per shaft
 # levers: torque that a link asks of its driver and gives to its driven shaft, of the force between them
@@ -91,6 +95,8 @@ def _inline(function: Any) -> Any:
 _law_of_friction: Callable[..., float] = njit(forceinline=True, **OPTIONS)(laws.friction)
 _spring: Callable[..., float] = njit(forceinline=True, **OPTIONS)(laws.spring)
 _dents: Callable[..., tuple[float, float, float]] = njit(**OPTIONS)(laws.dents)
+_contact_torque: Callable[..., float] = njit(forceinline=True, **OPTIONS)(laws.contact)
+_law_of_losses: Callable[..., float] = njit(forceinline=True, **OPTIONS)(laws.driver_torque)
 
 
 @_inline
@@ -128,9 +134,8 @@ def _friction(s: int, speed: float, slip: float, t: float, p: Floats) -> float:
 @_inline
 def _driver_torque(a: int, load: float, way: int, side: int, p: Floats) -> float:
     """Torque [N m] into the rolling lossy gear of link a for the load at its driver: LossyGear, solved for tau_a."""
-    if (way > 0) == (side > 0):
-        return p[a + ETA1] * (load + way * p[a + BF1])
-    return p[a + ETA2] * (load + way * p[a + BF2])
+    drives = (way > 0) == (side > 0)
+    return _law_of_losses(load, way, drives, p[a + ETA1], p[a + ETA2], p[a + BF1], p[a + BF2])
 
 
 @_inline
@@ -159,16 +164,13 @@ def _contact(k: int, x: float, xd: float, c: float, p: Floats, q: Ints, w: Float
     spring = _spring(x, c, p[a + CUBIC])
     damper = p[a + D] * (side * xd - before * w[STAGE + 4 + k] - after * w[STAGE + 5 + k])
     mode = abs(mode)
-    if mode == NORMAL:
-        w[MARGIN + m] = spring - damper if p[a + LAW] == LAW_ELASTO else 1.0
-        w[MARGIN + m + 1] = x if p[a + LAW] == LAW_LINEAR else spring + damper
-        return float(side * (spring + damper))
-    w[MARGIN + m + 1] = x
-    if mode == DAMPED:
-        w[MARGIN + m] = damper - spring
-        return side * 2.0 * spring
-    w[MARGIN + m] = -spring - damper
-    return 0.0
+    if mode == BOTH:
+        w[MARGIN + m] = spring - damper if p[a + LAW] == ELASTO else 1.0
+        w[MARGIN + m + 1] = x if p[a + LAW] == LINEAR else spring + damper
+    else:
+        w[MARGIN + m] = damper - spring if mode == LIMITED else -spring - damper
+        w[MARGIN + m + 1] = x
+    return float(side * _contact_torque(p[a + LAW], spring, damper, mode))
 
 
 @_inline
@@ -249,22 +251,15 @@ def _shaft(k: int, net: float, last: int, t: float, p: Floats, q: Ints, w: Float
 def _rates(t: float, u: float, p: Floats, q: Ints, w: Floats) -> None:
     """Rates of STAGE into RATE, margins of all modes and link torques; u is the fraction of the input sample."""
     n = q[SHAFTS]
-    first = 0
-    if q[KIND] == PRESCRIBED:
-        first = 1
-        d = DRIVE
-        w[STAGE + 0] = p[d] + u * (p[d + 1] + u * (p[d + 2] + u * (p[d + 3] + u * (p[d + 4] + u * p[d + 5]))))
-        w[STAGE + 4] = p[d + 6] * (p[d + 1] + u * (2.0 * p[d + 2] + u * (
-            3.0 * p[d + 3] + u * (4.0 * p[d + 4] + u * 5.0 * p[d + 5]))))  # fmt: skip
     for k in range(n - 1):
         w[FORCE + k] = _link(k, p, q, w)
-    for k in range(first, n):
+    for k in range(n):
         w[RATE + k] = w[STAGE + 4 + k]
         s = WIDTH * k
         net = p[s + OFFSET]
         if k > 0:
             net += w[FORCE + k - 1] * w[GIVES + k - 1]
-        elif q[KIND] != PRESCRIBED:
+        else:
             net += _drive_torque(t, u, p)
         if p[s + GRAVITY] != 0.0:
             net -= p[s + GRAVITY] * _sincos(w[STAGE + k] + p[s + PHASE])[0]
@@ -328,14 +323,14 @@ def _switch(m: int, p: Floats, q: Ints, w: Floats) -> tuple[int, int, int, int]:
     old = q[CONTACT + k]
     side = 1 if old > 0 else -1
     if old == GAP:
-        damped = p[a + LAW] == LAW_ELASTO and p[a + D] != 0.0
-        q[CONTACT + k] = (DAMPED if damped else NORMAL) * (1 if m % 4 == 0 else -1)
-    elif old != side * NORMAL:
-        q[CONTACT + k] = GAP if m % 4 == 1 else side * NORMAL
+        damped = p[a + LAW] == ELASTO and p[a + D] != 0.0
+        q[CONTACT + k] = (LIMITED if damped else BOTH) * (1 if m % 4 == 0 else -1)
+    elif old != side * BOTH:
+        q[CONTACT + k] = GAP if m % 4 == 1 else side * BOTH
     elif m % 4 == 0:
-        q[CONTACT + k] = side * DAMPED
+        q[CONTACT + k] = side * LIMITED
     else:
-        q[CONTACT + k] = GAP if p[a + D] == 0.0 or p[a + LAW] == LAW_LINEAR else side * NO_PULL
+        q[CONTACT + k] = GAP if p[a + D] == 0.0 or p[a + LAW] == LINEAR else side * APART
     return 0, k, old, q[CONTACT + k]
 
 
@@ -444,30 +439,6 @@ def _step(
 
 
 @_jit
-def _motor_torque(acceleration: float, width: float, t: float, p: Floats, q: Ints, w: Floats) -> float:
-    """Torque [N m] that a motor needs which moves as prescribed; its friction is smooth below `width` rad/s."""
-    speed = w[Y + 4]
-    slip = math.tanh(speed / width)
-    ahead = 0.5 * (1.0 + slip)
-    torque = acceleration / p[J] - p[OFFSET]
-    torque += p[GRAVITY] * math.sin(w[Y + 0] + p[PHASE])
-    torque += _friction(0, speed, slip, t, p)
-    j = q[RIPPLES]
-    while j < q[RIPPLES + 1]:
-        if int(p[j + 4]) == 0:
-            over = w[Y + int(p[j])] if p[j] >= 0.0 else t
-            torque -= p[j + 2] * math.sin(p[j + 1] * over + p[j + 3])
-        j += ROW
-    if q[SHAFTS] == 1:
-        return float(torque)
-    load = w[FORCE + 0] * w[ASKS + 0]
-    if p[LINKS + LOSSY] == 0.0:
-        return float(torque + load)
-    torque += ahead * _driver_torque(LINKS, load, 1, _driving_side(LINKS, load, 1, p), p)
-    return float(torque + (1.0 - ahead) * _driver_torque(LINKS, load, -1, _driving_side(LINKS, load, -1, p), p))
-
-
-@_jit
 def _command(servo: Floats, reference: Matrix, tick: int, p: Floats, w: Floats, integral: float) -> float:
     """Torque of the servo into the drive: position P, speed PI with anti-windup, both limited. Returns the integral."""
     wanted = reference[1, tick] + servo[0] * (reference[0, tick] - w[Y + 0])
@@ -478,21 +449,10 @@ def _command(servo: Floats, reference: Matrix, tick: int, p: Floats, w: Floats, 
 
 
 @_jit
-def _load_knot(motion: Matrix, i: int, p: Floats, q: Ints) -> None:
-    """Drive between input samples i and i + 1 as a polynomial of the fraction between them."""
-    d = DRIVE
-    if q[KIND] == PRESCRIBED:
-        dt = 1.0 / p[d + 6]
-        p0, v0, a0 = motion[0, i], motion[1, i] * dt, motion[2, i] * dt * dt
-        p1, v1, a1 = motion[0, i + 1], motion[1, i + 1] * dt, motion[2, i + 1] * dt * dt
-        gain = p1 - p0
-        p[d], p[d + 1], p[d + 2] = p0, v0, 0.5 * a0
-        p[d + 3] = 10.0 * gain - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
-        p[d + 4] = -15.0 * gain + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
-        p[d + 5] = 6.0 * gain - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1
-    elif motion.shape[1] > 1:
-        p[d] = motion[0, i]
-        p[d + 1] = motion[0, i + 1] - motion[0, i]
+def _load_knot(given: Matrix, i: int, p: Floats) -> None:
+    """Torque between input samples i and i + 1, a straight line over the fraction between them."""
+    p[DRIVE] = given[0, i]
+    p[DRIVE + 1] = given[0, i + 1] - given[0, i]
 
 
 @_jit
@@ -507,13 +467,12 @@ def _initial_modes(p: Floats, q: Ints, w: Floats) -> None:
             j += ROW
         ahead = x - p[a + HALF] - _dent(k, 1.0, p, q, w)[0]
         back = -x - p[a + HALF] - _dent(k, -1.0, p, q, w)[0]
-        mode = NORMAL if ahead > 0.0 else (-NORMAL if back > 0.0 else GAP)
+        mode = BOTH if ahead > 0.0 else (-BOTH if back > 0.0 else GAP)
         q[CONTACT + k] = PLAIN if p[a + LAW] == 0.0 else mode
         q[LOOP + k] = 1 if w[Y + 4 + k] * p[a + INV] >= w[Y + 5 + k] else -1
     for k in range(q[SHAFTS]):
         way = int(np.sign(w[Y + 4 + k]))
         frictional = p[WIDTH * k + FRICTIONAL] != 0.0 or (k < q[SHAFTS] - 1 and p[LINKS + WIDTH * k + LOSSY] != 0.0)
-        frictional = frictional and not (k == 0 and q[KIND] == PRESCRIBED)
         q[WAY + k] = way if frictional else FREE
         q[SIDE + k] = 1
 
@@ -522,7 +481,7 @@ def _initial_modes(p: Floats, q: Ints, w: Floats) -> None:
 def run(
     p: Matrix,
     q: NDArray[np.int64],
-    motion: Matrix,
+    given: Matrix,
     servo: Matrix,
     reference: Matrix,
     grid: Matrix,
@@ -534,10 +493,8 @@ def run(
     force: Matrix,
     torque: Matrix,
 ) -> tuple[int, int]:
-    """Integrate over the rows of `torque`; `grid` = rate [Hz], steps per sample, friction width, tolerance,
-    and the fraction done, which another thread may watch.
-
-    Inputs and servo ticks come once per sample; outputs without columns are skipped. Returns (events, unresolved).
+    """Integrate over the rows of `torque`; `grid` = rate [Hz], steps per sample, tolerance, and the fraction done,
+    which another thread may watch. Inputs and servo ticks come once per sample. Returns (events, unresolved).
     """
     n = q[SHAFTS]
     substeps = int(grid[1])
@@ -552,41 +509,30 @@ def run(
     count = 0
     unresolved = 0
     integral = 0.0
-    shaft0 = n - angle.shape[1]
-    d = DRIVE
     for i in range(samples):
         grid[4] = i / samples
         t = i / grid[0]
         last = i == samples - 1
         u = 1.0 if last and i > 0 else 0.0
-        if not last:
-            _load_knot(motion, i, p, q)
+        if given.shape[1] > 1 and not last:
+            _load_knot(given, i, p)
         if q[KIND] == SERVO:
             before = p[DRIVE]
             integral = _command(servo, reference, i, p, w, integral)
             if q[WAY] != 0:
                 w[K1 + 4] += (p[DRIVE] - before) * p[J]
         if i == 0 or (q[KIND] == SERVO and q[WAY] == 0):
-            count = _settle(t, u, grid[3], log, count, p, q, w)
-        for k in range(angle.shape[1]):
-            angle[i, k] = w[Y + shaft0 + k]
-        for k in range(speed.shape[1]):
+            count = _settle(t, u, grid[2], log, count, p, q, w)
+        for k in range(n):
+            angle[i, k] = w[Y + k]
             speed[i, k] = w[Y + 4 + k]
-        for k in range(acceleration.shape[1]):
             acceleration[i, k] = w[K1 + 4 + k]
-        for k in range(force.shape[1]):
+        for k in range(n - 1):
             force[i, k] = w[FORCE + k]
-        if q[KIND] == PRESCRIBED:
-            moved = 2.0 * p[d + 2] + u * (6.0 * p[d + 3] + u * (12.0 * p[d + 4] + u * 20.0 * p[d + 5]))
-            moved *= p[d + 6] * p[d + 6]
-            torque[i] = _motor_torque(moved, grid[2], t, p, q, w)
-            if acceleration.shape[1]:
-                acceleration[i, 0] = moved
-        else:
-            torque[i] = _drive_torque(t, u, p)
+        torque[i] = _drive_torque(t, u, p)
         if last:
             break
         for j in range(substeps):
-            count, lost = _step(t + j * h, h, j * du, du, grid[3], log, count, p, q, w)
+            count, lost = _step(t + j * h, h, j * du, du, grid[2], log, count, p, q, w)
             unresolved += lost
     return count, unresolved

@@ -5,8 +5,7 @@
     F_k = contact law of x_k, x_k' (with gap, dents, stiffness) + hysteresis      torque on shaft k+1 [N m]
 
 T_k is the lossy gear of `design` equation LossyGear of Modelica.Mechanics.Rotational 4.1, F_k its ElastoBacklash.
-Friction at zero speed is exact stick. Order 4 in the step between located events. One exception is documented at
-`PrescribedMotion`: the friction of a motor that is moved as measured acts on its torque only, and is smooth there.
+Friction at zero speed is exact stick. Order 4 in the step between located events.
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import ParameterError
+from sim.residual import Residual
 
 Array = NDArray[np.float64]
 CLOCK = -1
 """In the place of a shaft: the time."""
-CONTACT_LAWS = {"linear": 1.0, "elasto": 2.0, "elasto2": 3.0}
 
 
 class ChainError(ParameterError):
@@ -121,33 +120,6 @@ class Torque:
 
 
 @dataclass(frozen=True)
-class PrescribedMotion:
-    """The first shaft moves as given; its needed torque comes out. Rows of `motion`: angle, speed, acceleration.
-
-    Between samples the quintic polynomial that joins them runs (twice continuously differentiable). The motor's own
-    friction is scaled by tanh(speed / friction_width_rad_s): it acts on no other channel than the motor torque.
-    """
-
-    motion: Array
-    friction_width_rad_s: float = 0.1
-
-    @classmethod
-    def from_samples(
-        cls, position_rad: Array, sample_rate_hz: float, friction_width_rad_s: float = 0.1
-    ) -> PrescribedMotion:
-        """Quintic spline through samples of the motor angle [rad], shape (n,) with n >= 6."""
-        position = np.ascontiguousarray(position_rad, dtype=np.float64)
-        if position.ndim != 1 or position.size < 6 or not np.isfinite(position).all():
-            raise ChainError("motor position: needs at least 6 finite samples in one row")
-        from scipy.interpolate import make_interp_spline  # slow to import
-
-        spline = make_interp_spline(np.arange(position.size), position, k=5)
-        scale = np.array([[1.0], [sample_rate_hz], [sample_rate_hz**2]])
-        grid = np.arange(position.size)
-        return cls(scale * np.stack([position, spline(grid, 1), spline(grid, 2)]), friction_width_rad_s)
-
-
-@dataclass(frozen=True)
 class Servo:
     """Digital cascade: position P, speed PI, both limited. Rows of `reference`: angle, speed, torque feed-forward."""
 
@@ -160,7 +132,7 @@ class Servo:
     feed_forward: float = 1.0
 
 
-Drive = Torque | PrescribedMotion | Servo
+Drive = Torque | Servo
 
 
 @dataclass(frozen=True)
@@ -176,7 +148,7 @@ class ChainEvent:
 
 @dataclass(frozen=True)
 class ChainResult:
-    """Columns are shafts or, of the force, links (torque on the driven shaft); a light run has the last angle only."""
+    """Columns are shafts or, of the force, links (torque on the driven shaft)."""
 
     sample_rate_hz: float
     angle_rad: Array
@@ -187,6 +159,7 @@ class ChainResult:
     event_count: int
     unresolved: int
     log: Array = field(repr=False)
+    residual: Residual = field(default_factory=Residual)
 
     @property
     def time_s(self) -> Array:

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.torsional import kernel, laws
+from sim import laws
+from sim.rotational.components.elasto_backlash import CONTACT_LAWS
+from sim.torsional import kernel
 from sim.torsional.model import (
     CLOCK,
-    CONTACT_LAWS,
     Array,
     Chain,
     ChainError,
@@ -19,7 +20,6 @@ from sim.torsional.model import (
     Drive,
     Line,
     Link,
-    PrescribedMotion,
     Servo,
     Shaft,
 )
@@ -125,9 +125,7 @@ def _pack_link(where: str, link: Link) -> list[float]:
         raise ChainError(f"{where}.bearing_n_m: must be >= 0, got {link.bearing_n_m}")
     if link.law not in CONTACT_LAWS:
         raise ChainError(f"{where}.law: must be one of {', '.join(CONTACT_LAWS)}, got {link.law!r}")
-    row = link_row(link)
-    row[laws.ETA1] = 1 / row[laws.ETA1]
-    return row
+    return link_row(link)
 
 
 def checked(name: str, values: Array, shape: tuple[int, ...]) -> Array:
@@ -141,15 +139,10 @@ def checked(name: str, values: Array, shape: tuple[int, ...]) -> Array:
 
 
 def pack_drive(drive: Drive, rate: float, samples: int) -> tuple[int, Array, Array, Array, Array]:
-    """(kind, coefficients, motion, servo, reference) of the kernel."""
+    """(kind, coefficients, given torque, servo, reference) of the kernel."""
     coefficients = np.zeros(8)
     nothing = np.zeros((3, 1))
     servo = np.zeros(6)
-    if isinstance(drive, PrescribedMotion):
-        if not drive.friction_width_rad_s > 0:
-            raise ChainError(f"friction_width_rad_s: must be > 0, got {drive.friction_width_rad_s}")
-        coefficients[6] = rate
-        return kernel.PRESCRIBED, coefficients, checked("motion", drive.motion, (3, samples)), servo, nothing
     if isinstance(drive, Servo):
         gains = (drive.position_gain_per_s, drive.speed_gain_n_m_s, drive.speed_limit_rad_s, drive.torque_limit_n_m)
         if not (all(gain > 0 for gain in gains) and drive.integral_time_s > 0):

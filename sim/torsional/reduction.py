@@ -32,7 +32,6 @@ from sim.torsional.model import CLOCK, Array, Chain, Dent, Drive, Line, Link, Se
 from sim.torsional.motion_profile import back_and_forth
 from sim.torsional.topology import Place, places_of
 from sim.torsional.trajectory import trajectory_of
-from sim.verification import check_finite
 
 MIN_RATE_OF_SERVO_HZ = 1000.0
 
@@ -76,9 +75,12 @@ def simulate_chain(
         )
     chain = _chain(train, places)
     drive, reference = _drive(train, places, samples, sample_rate_hz)
-    result = run_chain(chain, drive, sample_rate_hz, samples, start=_start(train, places, chain), watch=watch)
-    for values in (result.angle_rad, result.speed_rad_s):
-        check_finite(result.time_s, values, lambda column: places[column].inertias[0])
+    start = _start(train, places, chain)
+
+    def names(column: int, link: bool) -> str:
+        return (places[column].mesh or "") if link else places[column].inertias[0]
+
+    result = run_chain(chain, drive, sample_rate_hz, samples, start=start, watch=watch, names=names)
     return trajectory_of(train, places, chain, result, reference)
 
 

@@ -1,11 +1,12 @@
-"""Rows of numbers of shafts, links, lines and dents for the compiled kernels, in the order of `sim.torsional.laws`."""
+"""Rows of numbers of shafts, links, lines and dents for the compiled kernels, in the order of `sim.laws`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sim.rotational.components.elasto_backlash import NO_GAP
-from sim.torsional.model import CONTACT_LAWS, Dent, Line, Link, Shaft, with_loss
+from sim.laws import turning_torque
+from sim.rotational.components.elasto_backlash import CONTACT_LAWS, NO_GAP
+from sim.torsional.model import Dent, Line, Link, Shaft, with_loss
 
 
 def shaft_row(shaft: Shaft) -> list[float]:
@@ -27,7 +28,7 @@ def link_row(link: Link) -> list[float]:
     """Numbers of a link, unchecked; the turning point of its losses is LossyGear's tau_bf_a."""
     eta1, eta2 = with_loss(link.efficiency, link.loss_fraction)
     bf1, bf2 = link.bearing_n_m
-    turn = 0.5 * bf1 if eta1 == eta2 == 1 else (bf1 - bf2) / (eta1 - 1 / eta2)
+    turn = turning_torque(eta1, eta2, bf1, bf2)
     lossy = (eta1, eta2, bf1, bf2) != (1, 1, 0, 0)
     plain = link.gap_rad <= NO_GAP and not any(dent.depth_rad for dent in link.dents)
     law = 0.0 if plain else CONTACT_LAWS[link.law]

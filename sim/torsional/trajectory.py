@@ -35,7 +35,7 @@ def trajectory_of(
             if reference is not None:
                 sources[f"{name}.reference"], units[f"{name}.reference"] = partial(np.asarray, reference), "rad"
     events = tuple(_events(places, result))
-    return Trajectory(result.time_s, Channels(sources), units, events, "chain")
+    return Trajectory(result.time_s, Channels(sources), units, events, "chain", result.residual)
 
 
 def _sources(

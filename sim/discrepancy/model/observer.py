@@ -16,8 +16,8 @@ from sim.discrepancy.data.angle_series import beyond_twice
 from sim.discrepancy.data.preprocessing import LOAD_MOTION_CUT_HZ, Measurement
 from sim.discrepancy.model.observer_kernel import loudness, motor_torque, run, shaken
 from sim.discrepancy.model.packing import Packed, lag_of, pack, substeps
+from sim.laws import INV, VISCOUS_F, C, D, J
 from sim.torsional.integrate import steady_start
-from sim.torsional.laws import INV, VISCOUS_F, C, D, J
 from sim.torsional.model import Array, Chain
 
 Spectrum = NDArray[np.complex128]

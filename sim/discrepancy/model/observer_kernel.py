@@ -1,6 +1,6 @@
 """Compiled loop of the guided chain: the motor moves as measured, the load is drawn along its measured angle.
 
-Equations are those of `sim.torsional.model`; friction, spring and dents those of `sim.torsional.laws`, as in the
+Equations are those of `sim.torsional.model`; friction, spring and dents those of `sim.laws`, as in the
 simulation. Three differences make the outputs differentiable in every parameter: friction and losses turn their sign
 over a finite speed, contact is the continuous branch of ElastoBacklash, and a spring and damper pull the load towards
 its encoder. What that guide has to pull is the load torque that the model lacks, so that an error of the model stays
@@ -18,15 +18,16 @@ from numba import carray, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from sim import laws
 from sim.discrepancy.data.preprocessing import WIDE_SHARE
-from sim.torsional import laws
-from sim.torsional.laws import (
+from sim.laws import (
     BF1,
     BF2,
     COULOMB_B,
     COULOMB_F,
     CUBIC,
     DRIFT,
+    ELASTO,
     ETA1,
     ETA2,
     GRAVITY,
@@ -67,6 +68,8 @@ def _inline(function):
 _law_of_friction = njit(forceinline=True, **OPTIONS)(laws.friction)
 _spring = njit(forceinline=True, **OPTIONS)(laws.spring)
 _dents = njit(forceinline=True, **OPTIONS)(laws.dents)
+_contact = njit(forceinline=True, **OPTIONS)(laws.contact)
+_losses = njit(forceinline=True, **OPTIONS)(laws.driver_torque)
 
 
 @intrinsic
@@ -372,7 +375,7 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                     if touch:
                         spring = _spring(p, c, links[k, CUBIC])
                         damper = links[k, D] * (side * xd - rate)
-                        force = side * (spring + min(max(damper, -spring), spring))
+                        force = side * _contact(ELASTO, spring, damper, 0)
                 if links[k, HYST] != 0.0:
                     if not first:
                         moved = x - twist[k]
@@ -389,8 +392,8 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                 if links[k, LOSSY] != 0.0:
                     way = _tanh(speeds[k + 1] / widths[0, k + 1])
                     drives = force * way > 0.0
-                    before = 1.0 / links[k, ETA1] - 1.0 if drives else 1.0 - links[k, ETA2]
-                    after = 1.0 - links[k, ETA1] if drives else 1.0 / links[k, ETA2] - 1.0
+                    asked_for = _losses(1.0, 1.0, drives, links[k, ETA1], links[k, ETA2], 0.0, 0.0)
+                    before, after = abs(asked_for - 1.0), abs(1.0 - 1.0 / asked_for)
                     share = split[0] if drives else split[1]
                     driver[k] += (1.0 - share) * before * abs(force) * links[k, INV] * way
                     driver[k] += way * (links[k, BF1] if drives else links[k, BF2])

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.torsional.laws import ROW
+from sim.laws import ROW
 from sim.torsional.model import CLOCK, Array, Chain, Line
 from sim.torsional.rows import dent_rows, line_rows, link_row, shaft_row
 

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from sim.errors import ParameterError, number
+from sim.laws import APART, BOTH, ELASTO, ELASTO2, LIMITED, LINEAR, contact
 from sim.rotational.component import CONTACT_NAMES, Branch, Row, Variables
 from sim.rotational.components.compliant import Compliant
 
 Law = Literal["linear", "elasto", "elasto2"]
+CONTACT_LAWS: Mapping[str, float] = {"linear": LINEAR, "elasto": ELASTO, "elasto2": ELASTO2}
 NO_GAP = 1e-10
 """Total backlash [rad] up to which it is a plain spring-damper (Modelica's bEps)."""
 
@@ -50,8 +52,8 @@ class ElastoBacklash(Compliant):
         number("ElastoBacklash.b", self.b, "rad", at_least=0)
         number("ElastoBacklash.d", self.d, "N.m.s/rad", at_least=0)
         number("ElastoBacklash.phi_rel0", self.phi_rel0, "rad")
-        if self.law not in ("linear", "elasto", "elasto2"):
-            raise ParameterError(f"ElastoBacklash.law: must be linear, elasto or elasto2, got {self.law!r}")
+        if self.law not in CONTACT_LAWS:
+            raise ParameterError(f"ElastoBacklash.law: must be {', '.join(CONTACT_LAWS)}, got {self.law!r}")
 
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         diff = v.phi_rel - self.phi_rel0 * v.one
@@ -65,20 +67,19 @@ class ElastoBacklash(Compliant):
     def _flank(self, v: Variables, beyond: Row, tau_d: Row, side: int) -> tuple[Branch, ...]:
         """Branches of contact on one side; `beyond` is the way into it, signed as the torque."""
         tau_c = self.c * beyond
-        pressed = self.piece(v, tau_c + tau_d, tau_d, self._pressed(side * tau_c, side * tau_d), side)
-        if self.law == "linear" or self.d == 0:
-            return (self.piece(v, tau_c + tau_d, tau_d, (side * beyond,), side),)
-        released = self.piece(v, 0 * v.one, 0 * v.one, (side * beyond, -side * (tau_c + tau_d)), side)
-        if self.law == "elasto2":
-            return (pressed, released)
-        limited = self.piece(v, 2 * tau_c, tau_c, (side * beyond, side * (tau_d - tau_c)), side)
-        return (pressed, limited, released)
 
-    def _pressed(self, tau_c: Row, tau_d: Row) -> tuple[Row, ...]:
-        """Inequalities of spring plus damper, both signed along the contact."""
-        if self.law == "elasto":
-            return (tau_c + tau_d, tau_c - tau_d)
-        return (tau_c, tau_c + tau_d)
+        def piece(number: int, *holds: Row) -> Branch:
+            by_spring, by_damper = (contact(CONTACT_LAWS[self.law], *unit, number) for unit in ((1.0, 0.0), (0.0, 1.0)))
+            tau = by_spring * tau_c + by_damper * tau_d
+            return self.piece(v, tau, tau - tau_c if number != APART else 0 * v.one, holds, side)
+
+        if self.law == "linear" or self.d == 0:
+            return (piece(BOTH, side * beyond),)
+        released = piece(APART, side * beyond, -side * (tau_c + tau_d))
+        if self.law == "elasto2":
+            return (piece(BOTH, side * tau_c, side * (tau_c + tau_d)), released)
+        pressed = piece(BOTH, side * (tau_c + tau_d), side * (tau_c - tau_d))
+        return (pressed, piece(LIMITED, side * beyond, side * (tau_d - tau_c)), released)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from sim.errors import ParameterError
+from sim.laws import driver_torque, turning_torque
 from sim.rotational.component import BACKWARD, FORWARD, FREE, STUCK, Branch, Component, Row, Variables
 from sim.rotational.components.ideal_gear import gear_ratio
 from sim.rotational.components.tables import Line, SpeedTable, speed_table
@@ -137,7 +138,7 @@ class LossyGear(Component):
         turns = direction * (v.w("flange_a") - v.w("support"))
         eta1, eta2 = line.levels[:2].tolist()
         bf1, bf2 = (line.levels[i] * v.one + line.slopes[i] * turns for i in (2, 3))
-        share, bearing = (1 - eta1, bf1) if driver > 0 else (1 - 1 / eta2, bf2)
+        share, bearing = _lost(eta1, eta2, driver > 0), bf1 if driver > 0 else bf2
         equation = loss - share * tau_a - direction * bearing
         drives = driver * (direction * tau_a - _switch(eta1, eta2, bf1, bf2))
         return self._branch(v, direction, equation, (drives, *line.holds(v, turns)), (turns,))
@@ -148,7 +149,7 @@ class LossyGear(Component):
         eta1, eta2, *bearings = self._lines[0].levels.tolist()
         bf1, bf2 = (bearing * v.one for bearing in bearings)
         switch = _switch(eta1, eta2, bf1, bf2)
-        upper, lower = ((1 - eta1, bf1) if side > 0 else (1 - 1 / eta2, bf2) for side in (upper_side, lower_side))
+        upper, lower = ((_lost(eta1, eta2, side > 0), bf1 if side > 0 else bf2) for side in (upper_side, lower_side))
         holds = (
             upper[0] * tau_a + upper[1] - loss,
             loss - lower[0] * tau_a + lower[1],
@@ -159,8 +160,12 @@ class LossyGear(Component):
         return self._branch(v, STUCK, a_a, holds, stops=(w_a,))
 
 
+def _lost(eta1: float, eta2: float, drives: bool) -> float:
+    """Share of the torque at flange_a that the mesh loses."""
+    return 1.0 - 1.0 / driver_torque(1.0, 1.0, drives, eta1, eta2, 0.0, 0.0)
+
+
 def _switch(eta1: float, eta2: float, bf1: Row, bf2: Row) -> Row:
     """Torque at flange_a [N.m] above which, rolling forward, flange_a drives: there both pieces meet."""
-    if eta1 == 1 and eta2 == 1:
-        return bf1 / 2
-    return (bf1 - bf2) / (eta1 - 1 / eta2)
+    by_first, by_second = (turning_torque(eta1, eta2, *unit) for unit in ((1.0, 0.0), (0.0, 1.0)))
+    return by_first * bf1 + by_second * bf2

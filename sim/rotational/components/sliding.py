@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from sim.errors import number
+from sim.laws import friction
 from sim.rotational.component import BACKWARD, FORWARD, FREE, STUCK, Row, Variables
 from sim.rotational.components.tables import SpeedTable
 
@@ -54,10 +55,12 @@ def friction_pieces(
 
 def sliding_torques(table: SpeedTable, v: Variables, speed: Row, factor: Row, gain: float = 1.0) -> list[Sliding]:
     """Return the pieces of the first column at the row |w|, times `factor`; what rises with the speed times `gain`."""
-    return [
-        Sliding(float(line.levels[0]) * factor + float(line.slopes[0]) * gain * speed, line.holds(v, speed))
-        for line in table.lines
-    ]
+    out = []
+    for line in table.lines:
+        level, slope = float(line.levels[0]), float(line.slopes[0])
+        at_rest, at_one = (friction(level, level, slope, slope, 0.0, 1.0, 2.0, 0.0, w, 1.0, 0.0) for w in (0.0, 1.0))
+        out.append(Sliding(at_rest * factor + (at_one - at_rest) * gain * speed, line.holds(v, speed)))
+    return out
 
 
 def check_peak(name: str, peak: object) -> float:

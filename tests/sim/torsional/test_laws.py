@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.torsional.laws import dents, friction, spring
+from sim.laws import dents, friction, spring
 from sim.torsional.model import Dent
 from sim.torsional.rows import dent_rows
 
@@ -58,7 +58,7 @@ def test_the_slope_of_a_dent_is_that_of_its_depth(form: float, flank: int) -> No
 
 def test_what_is_compiled_follows_a_law_that_has_changed(tmp_path: Path) -> None:
     """numba's cache sees changes of the file of a function alone, not of what that calls."""
-    laws = Path(__file__).parents[3] / "sim" / "torsional" / "laws.py"
+    laws = Path(__file__).parents[3] / "sim" / "laws.py"
     (tmp_path / "caller.py").write_text(
         "from numba import njit\n"
         "import laws\n"

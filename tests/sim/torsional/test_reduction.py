@@ -17,7 +17,6 @@ from sim.torsional.model import (
     Dent,
     Line,
     Link,
-    PrescribedMotion,
     Servo,
     Shaft,
     Torque,
@@ -164,54 +163,7 @@ def test_the_mirrored_drive_gives_the_mirrored_motion() -> None:
     np.testing.assert_allclose(contacts[1], contacts[0], atol=1e-9)
 
 
-def test_a_dent_is_felt_on_its_flank_only() -> None:
-    """Driven steadily in either direction, the load lags by the depth where the flank that drives is damaged."""
-    plain = three_shafts()
-    turns = {}
-    for way in (1.0, -1.0):
-        t = np.arange(20000) / 2000.0
-        motion = PrescribedMotion(np.stack([way * 25.0 * t, np.full(t.size, way * 25.0), np.zeros(t.size)]))
-        for flank in (1, -1):
-            dented = with_link(plain, 1, dents=(Dent(2, way * 1.3, 0.1, 1e-3, flank),))
-            lag = (
-                run_chain(dented, motion, 2000.0, t.size).angle_rad - run_chain(plain, motion, 2000.0, t.size).angle_rad
-            )
-            turns[way, flank] = float(np.abs(lag[:, 2]).max())
-    assert turns[1.0, 1] > 8e-4
-    assert turns[-1.0, -1] > 8e-4
-    assert turns[1.0, -1] < 1e-9
-    assert turns[-1.0, 1] < 1e-9
-
-
-@pytest.mark.parametrize("form", [2.0, 10.0])
-def test_the_form_of_a_dent_says_how_wide_it_is_at_half_depth(form: float) -> None:
-    """Passed steadily, the load lags by (1 - |u|^form)^4 of the depth: over half of it for |u|^form < 1 - 0.5^(1/4)."""
-    t, half_width, depth = np.arange(20000) / 2000.0, 0.1, 1e-3
-    motion = PrescribedMotion(np.stack([25.0 * t, np.full(t.size, 25.0), np.zeros(t.size)]))
-    dented = with_link(three_shafts(), 1, dents=(Dent(2, 1.3, half_width, depth, 1, form),))
-    runs = [run_chain(chain, motion, 2000.0, t.size).angle_rad[:, 2] for chain in (three_shafts(), dented)]
-    passed = np.abs(runs[0] - 1.3) < 1.5 * half_width
-    turned = float(np.ptp(runs[0][passed & (runs[0] - runs[1] > 0.5 * depth)]))
-    assert turned == pytest.approx(2.0 * half_width * (1.0 - 0.5**0.25) ** (1.0 / form), rel=0.05)
-
-
-def test_prescribing_the_motion_gives_back_the_torque_that_made_it() -> None:
-    """Inverse of the forward simulation, through reversals, gaps and losses."""
-    chain = three_shafts()
-    forward = run_chain(chain, PUSH, 2000.0, 4000, substeps=4)
-    start = np.concatenate([forward.angle_rad[500], forward.speed_rad_s[500]])
-    motion = PrescribedMotion(
-        np.stack([each[500:, 0] for each in (forward.angle_rad, forward.speed_rad_s, forward.acceleration_rad_s2)])
-    )
-    inverse = run_chain(chain, motion, 2000.0, 3500, start=start, substeps=4)
-    moving = np.abs(forward.speed_rad_s[500:, 0]) > 1.0
-    torque = forward.motor_torque_n_m[500:]
-    assert np.abs(inverse.motor_torque_n_m - torque)[moving].max() < 2e-3 * np.abs(torque).max()
-    assert np.abs(inverse.angle_rad[:, 2] - forward.angle_rad[500:, 2]).max() < 1e-6
-
-
 def test_a_torque_over_time_moves_a_shaft_as_the_same_torque_of_its_motor_does() -> None:
-    """And a motor that moves so all the same has to give nothing, but near rest, where its friction is smooth."""
     driven = paper_train(40.0, 1000.0, 1e-3)
     wave = TorqueWave(torque=12.0, frequency=0.45)
     shaken = driven.remove("torque").add("wave", wave, flange="motor.flange_a")
@@ -219,9 +171,6 @@ def test_a_torque_over_time_moves_a_shaft_as_the_same_torque_of_its_motor_does()
     for name in ("motor.phi", "load.phi"):
         assert np.abs(one[name] - other[name]).max() <= 1e-9 * np.ptp(one[name])
     np.testing.assert_allclose(other["wave.tau"], one["torque.tau"], atol=1e-9)
-    moved = PrescribedMotion(np.stack([one[f"motor.{name}"] for name in ("phi", "w", "a")]))
-    asked = run_chain(chain_of(shaken), moved, 2000.0, 4001, start=np.zeros(4)).motor_torque_n_m
-    assert np.abs(asked[one["motor.w"] > 1.0]).max() < 1e-6 * wave.torque
 
 
 def test_results_do_not_depend_on_the_output_rate() -> None:

@@ -1,7 +1,9 @@
-"""Laws of shafts in series that the simulation and the observer of an investigation share, as plain Python.
+"""Laws of the parts of a drive train, each in one place, as plain Python: friction, spring, contact, dents, losses.
 
-Each of the two kernels compiles them with its own options. numba's cache sees changes of the file of a function alone;
-what calls these laws therefore bears the digest of this file in its name (`keyed`), and so does its entry in the cache.
+The chain's kernel, its check and the observer of an investigation compile them, each with its own options; the exact
+engine takes their affine pieces. They do not call each other, so that each can be compiled alone. numba's cache sees
+changes of the file of a function alone; what calls these laws therefore bears the digest of this file in its name
+(`keyed`), and so does its entry in the cache.
 """
 
 from __future__ import annotations
@@ -12,6 +14,9 @@ from pathlib import Path
 from typing import Any
 
 TWO_PI = 2.0 * math.pi
+# laws of contact, and their pieces
+LINEAR, ELASTO, ELASTO2 = 1.0, 2.0, 3.0
+BOTH, LIMITED, APART = 1, 2, 3
 # columns of a shaft, of a link (`sim.torsional.packing`)
 (J, COULOMB_F, COULOMB_B, VISCOUS_F, VISCOUS_B, STRIBECK, STRIBECK_W, STRIBECK_EXP, DRIFT, GRAVITY, PHASE,
  OFFSET, FRICTIONAL) = range(13)  # fmt: skip
@@ -60,6 +65,43 @@ def friction(
 def spring(x: float, stiffness: float, cubic: float) -> float:
     """Torque [N m] of a spring that hardens, twisted by `x` [rad]: c x (1 + cubic x^2)."""
     return stiffness * x * (1.0 + cubic * x * x)
+
+
+def contact(law: float, spring_torque: float, damper_torque: float, piece: int) -> float:
+    """Torque [N m] of a flank into which a spring presses with `spring_torque` > 0, its damper with `damper_torque`.
+
+    `LINEAR` (Modelica 2.2): both act, even if that pulls. `ELASTO2`: never pulls. `ELASTO`: never pulls, and the damper
+    never exceeds the spring, so that the torque is continuous. `piece`: 0 that which holds; else one of them, continued
+    beyond its limits: `BOTH` act, the damper is `LIMITED` to the spring, or the flanks are `APART`.
+    """
+    if piece == 0:
+        piece = BOTH
+        if law != LINEAR and spring_torque + damper_torque <= 0.0:
+            piece = APART
+        elif law == ELASTO and damper_torque > spring_torque:
+            piece = LIMITED
+    if piece == BOTH:
+        return spring_torque + damper_torque
+    return 2.0 * spring_torque if piece == LIMITED else 0.0
+
+
+def driver_torque(
+    load: float, way: float, drives: bool, eta1: float, eta2: float, bearing1: float, bearing2: float
+) -> float:
+    """Torque [N m] into the driver of a gear that turns in direction `way` and asks for `load` without losses.
+
+    Modelica's LossyGear, solved for the torque at flange_a: the driver `drives` (eta1, bearing1), or the driven gear.
+    """
+    if drives:
+        return (load + way * bearing1) / eta1
+    return eta2 * (load + way * bearing2)
+
+
+def turning_torque(eta1: float, eta2: float, bearing1: float, bearing2: float) -> float:
+    """Torque [N m] into the driver above which, turning forward, it drives: there both branches meet (tau_bf_a)."""
+    if eta1 == 1.0 and eta2 == 1.0:
+        return 0.5 * bearing1
+    return (bearing1 - bearing2) / (eta1 - 1.0 / eta2)
 
 
 def dents(

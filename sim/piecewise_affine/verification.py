@@ -1,9 +1,8 @@
-"""What is looked at before a result leaves `simulate`: a run that does not obey its own equations is an error.
+"""What is looked at of an exact run: one that does not obey its own equations is an error.
 
 At `INSTANTS` samples, evenly spread: the equations of the mode (balances of torques, gears and shafts, laws) and its
 limits; each flange that follows a signal, against that signal; from a sample to the next, the motion by a power series
 of its own, and the change of kinetic energy against the work of all torques (sources, stores, losses) by quadrature.
-And all numbers are finite: what is not finite stays so, thus the last sample tells of all.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,13 +15,9 @@ from numpy.typing import NDArray
 
 from sim.errors import RunError
 from sim.piecewise_affine.system import Array, Mode, System, describe
+from sim.residual import SMALLEST, TOLERANCE
 from sim.rotational.component import Signal
 
-TOLERANCE = 1e-6
-"""Largest residual that a result may have, relative to the terms that should cancel."""
-INSTANTS = 16
-SMALLEST = 1e-6
-"""Angles [rad] and speeds [rad/s] of this size are taken to occur, and in every torque this share of the largest."""
 ORDER = 16
 LONGEST = 0.7
 """Step times the largest eigenvalue up to which the power series of this order is exact to rounding."""
@@ -196,21 +191,6 @@ def _flow_and_work(system: System, mode: Mode, h: float) -> tuple[Array, Array]:
         total = work + path[-1].T @ total @ path[-1]
         moved = moved @ path[-1]
     return moved[: 2 * count], total
-
-
-def instants(samples: int) -> NDArray[np.int64]:
-    """Numbers of the samples that are looked at, the first and the last but one among them."""
-    return np.unique(np.linspace(0, max(samples - 2, 0), INSTANTS).astype(np.int64))
-
-
-def check_finite(time_s: Array, values: Array, name: Callable[[int], str]) -> None:
-    """Raise RunError with the column's name and the first time at which values of shape (n, columns) are not finite."""
-    if np.isfinite(values[-1]).all():
-        return
-    first = int(np.argmin(np.isfinite(values).all(axis=1)))
-    raise RunError(
-        f"{name(int(np.argmin(np.isfinite(values[first]))))}: no finite motion from {time_s[first]:.9g} s on"
-    )
 
 
 def _unfollowed(name: str, _: int) -> str:
