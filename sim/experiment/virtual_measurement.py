@@ -22,6 +22,7 @@ from sim.torsional.reduction import simulate_chain
 
 TELEMETRY_RATE_HZ = 2000.0
 LEVEL_OF_16_BIT = 2.0**-15
+BEARING = "_bearing.tau"  # of a shaft
 STANDING_S = 0.5  # heard before the run begins, so that no microphone is switched on with it
 
 DEFAULT_MICROPHONE = Microphone(
@@ -108,14 +109,14 @@ def telemetry_of(trajectory: Trajectory, axis: Axis) -> Telemetry:
 
 def sound_of(trajectory: Trajectory, axis: Axis, microphone: Microphone, seed: int) -> NDArray[np.float32]:
     """What the microphone hears of the meshes and bearings of a trajectory."""
-    columns = [-trajectory[f"{stage.name}.tau"] * axis.ratio_from(stage.name) for stage in axis.stages]
-    for name in trajectory.channels:
-        shaft = name.removesuffix("_bearing.tau")
-        if shaft != name:
-            columns.append(trajectory[name] * axis.ratio_from(shaft))
-    end = "load.w" if "load.w" in trajectory.channels else "motor.w"
-    forces = np.stack(columns, axis=1) if columns else np.zeros((len(trajectory.time_s), 1))
+    factors = {f"{stage.name}.tau": -axis.ratio_from(stage.name) for stage in axis.stages}
+    bearings = (name for name in trajectory.channels if name.endswith(BEARING))
+    factors |= {name: axis.ratio_from(name.removesuffix(BEARING)) for name in bearings}
     before = round(STANDING_S * trajectory.sample_rate_hz)
-    forces = np.pad(forces, ((before, 0), (0, 0)), mode="edge")
+    forces = np.zeros((before + len(trajectory.time_s), max(len(factors), 1)))
+    for column, (name, factor) in zip(forces.T, factors.items(), strict=False):
+        np.multiply(trajectory[name], factor, out=column[before:])
+        column[:before] = column[before]
+    end = "load.w" if "load.w" in trajectory.channels else "motor.w"
     speed = np.pad(trajectory[end], (before, 0))
     return hear(forces, speed, trajectory.sample_rate_hz, microphone, seed)[before:]
