@@ -74,7 +74,8 @@ class Verifier:
         ratio[:, limits:] -= after
         ratio[np.logical_not(quiet), limits:] = 0.0
         np.minimum(ratio[:, self._equations : limits], 0.0, out=ratio[:, self._equations : limits])
-        ratio = np.abs(ratio) / (sizes[at] @ largest + 1e-300)
+        size = sizes[at] @ largest
+        ratio = np.abs(ratio) / (np.maximum(size, SMALLEST * size.max(axis=0)) + 1e-300)
         parts = ratio[:, : self._equations], ratio[:, self._equations : limits], ratio[:, limits:]
         out = [
             _within(part.max(axis=1, initial=0.0), time_s, partial(self._told, what, part, numbers))

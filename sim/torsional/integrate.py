@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from sim.errors import RunError
 from sim.laws import COULOMB_F, DRIFT, friction
-from sim.residual import SMALLEST, TOLERANCE, Residual, check_finite, instants
+from sim.residual import INSTANTS, SMALLEST, TOLERANCE, Residual, check_finite, instants
 from sim.torsional.model import Array, Chain, ChainError, ChainResult, Drive, Servo
 from sim.torsional.rows import shaft_row
 
 LOG_ROWS = 20_000
+STICK = 1  # in the log
 LINK, ALL = 0, 4  # rows of residuals that are of links, and of all shafts
 WORDS = (
     "its torque is not that of its law",
@@ -92,7 +93,7 @@ def _check(
     rate, time = float(grid[0]), result.time_s
     for values in (result.angle_rad, result.speed_rad_s):
         check_finite(time, values, lambda k: _named(names, equations.FLOW, k))
-    at = instants(len(time))
+    at = _instants(len(time), rate, result.log)
     if q[KIND] == SERVO:
         ends = np.repeat(result.motor_torque_n_m[at, None], 2, axis=1)
     elif given.shape[1] > 1:
@@ -113,6 +114,14 @@ def _check(
         )
     force, balance, limit, flow, energy = share.max(axis=(1, 2)).tolist()
     return Residual(max(force, balance), limit, float("nan"), flow, energy)
+
+
+def _instants(samples: int, rate: float, log: Array) -> NDArray[np.int64]:
+    """Samples that are looked at: evenly spread, but for a quarter that are the last before a shaft breaks away."""
+    releases = log[(log[:, 1] == STICK) & (log[:, 3] == 0.0), 0]
+    chosen = releases[np.linspace(0, len(releases) - 1, min(len(releases), INSTANTS // 4)).astype(np.int64)]
+    last = np.clip(np.ceil(chosen * rate).astype(np.int64) - 1, 0, samples - 2)
+    return np.union1d(instants(samples)[len(chosen) :], last)
 
 
 def _named(names: Names | None, kind: int, column: int) -> str:

@@ -24,6 +24,7 @@ from sim.rotational.components import (
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import Trajectory
 from sim.solver import Engine, simulate
+from tests.sim.drawn_axes import drawn_axis
 
 ENGINES: tuple[Engine, ...] = ("exact", "chain")
 GEAR = [0, 0.9, 0.9, 0, 0]
@@ -57,6 +58,28 @@ def test_exact_and_chain_agree_on_damped_axes(train: DriveTrain) -> None:
     assert [e[1:4] for e in exact.events] == [e[1:4] for e in other.events]
     assert [e.time_s for e in exact.events] == pytest.approx([e.time_s for e in other.events], abs=1e-9)
     assert (exact.engine, other.engine) == ENGINES
+
+
+def lasting_modes(run: Trajectory, components: set[str]) -> list[tuple[float, str, int]]:
+    """Changes into modes that last; one left within a nanosecond is rounding."""
+    events = [event for event in run.events if event.component in components]
+    return [
+        (event.time_s, event.component, event.to_mode)
+        for i, event in enumerate(events)
+        if not any(
+            later.component == event.component and later.time_s < event.time_s + 1e-9 for later in events[i + 1 :]
+        )
+    ]
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_both_engines_agree_on_drawn_axes(seed: int) -> None:
+    exact, chain = (simulate(drawn_axis(seed), 1.0, engine=engine) for engine in ENGINES)
+    names = tuple(name for name in chain.channels if name.endswith((".phi", ".w")))
+    assert difference(exact, chain, names) < 1e-7
+    one, other = (lasting_modes(run, {event.component for event in chain.events}) for run in (exact, chain))
+    assert [event[1:] for event in one] == [event[1:] for event in other]
+    assert [event[0] for event in one] == pytest.approx([event[0] for event in other], abs=1e-6)
 
 
 def test_the_solution_does_not_depend_on_the_sample_rate() -> None:

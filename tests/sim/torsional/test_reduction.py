@@ -24,7 +24,7 @@ from sim.torsional.model import (
     with_shaft,
 )
 from sim.torsional.motion_profile import back_and_forth
-from sim.torsional.reduction import chain_of, simulate_chain
+from sim.torsional.reduction import simulate_chain
 from tests.sim.axes import three_shafts
 
 PUSH = Torque(amplitude_n_m=8.0, frequency_hz=1.1, phase_rad=0.4)
