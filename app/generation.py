@@ -185,7 +185,7 @@ def simulate_case(planned: Planned) -> Generated:
         heard = perform_fault(scenario)
         scenario, ratio, sound = heard.scenario, heard.ratio, heard.sound
     scenario, sound = scenario.with_head_room(sound)
-    audio = _wav(sound)
+    audio = wav(sound)
     samples, rate = soundfile.read(io.BytesIO(audio), dtype="float32")
     recording = Recording(samples, float(rate))
     extraction = extract(recording, condition_of(scenario))
@@ -351,8 +351,8 @@ def _grouped(results: Iterator[Generated], size: int) -> Iterator[list[Generated
         yield group
 
 
-def _wav(sound: NDArray[np.float32]) -> bytes:
-    """WAV of 16 bit."""
+def wav(sound: NDArray[np.float32]) -> bytes:
+    """Return a sound at `SAMPLE_RATE_HZ`, in full scales, as WAV of 16 bit."""
     memory = io.BytesIO()
     soundfile.write(memory, sound, int(SAMPLE_RATE_HZ), subtype="PCM_16", format="WAV")
     return memory.getvalue()

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from app.views import Kept, spectrum
 from casebase.signals.crest import CrestTrace, crest_trace
-from casebase.signals.limited_pool import GaveUpError, LimitedPool, RefusedError
+from casebase.signals.limited_pool import LimitedPool, refusals_as
 from casebase.signals.recording import Recording
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
 from sim.description.axis import Axis
-from sim.errors import RunError, SimulationError
+from sim.errors import SimulationError
 from sim.experiment.virtual_measurement import TELEMETRY_RATE_HZ
 from sim.mechanisms import Backlash, KinematicError, ToothDamage
 from sim.mechanisms.catalogue import mechanism_of, with_mechanism
@@ -27,6 +27,10 @@ from sim.mechanisms.mechanism import Mechanism
 
 LIMITS: Mapping[str, float] = {"seconds": 40.0, "cpu_seconds": 15.0, "memory_bytes": 2 << 30}
 """A gearbox takes a tenth of a second."""
+GIVEN_UP = (
+    "the simulation was given up ({}): a very light wheel in a stiff mesh, or very strong damping, needs steps too "
+    "small to try here; bring the description's inertias, stiffness and friction nearer to those of a gearbox"
+)
 RESOLUTION_HZ = 4.0
 Line = tuple[NDArray[np.float64], NDArray[np.float64]]
 """x and y of the same length."""
@@ -147,16 +151,8 @@ def simulate(axis: Axis, duration_s: float) -> Run:
 
 def _performed(asked: Mapping[str, Any]) -> Run:
     largest = round(8 * asked["duration_s"] * (SAMPLE_RATE_HZ + 3 * TELEMETRY_RATE_HZ))
-    try:
+    with refusals_as(SimulationError, GIVEN_UP):
         content, rows = RUNS.perform("app.web.simulator_worker:task", asked, LIMITS, largest)
-    except RefusedError as refused:
-        raise SimulationError(str(refused)) from None
-    except GaveUpError as error:
-        raise RunError(
-            f"the simulation was given up ({error}): a very light wheel in a stiff mesh, or very strong damping, needs "
-            "steps too small to try here; bring the description's inertias, stiffness and friction nearer to those of "
-            "a gearbox"
-        ) from error
     values = np.frombuffer(content, dtype=np.float32)
     time_s, torque_n_m, speed_rad_s = values[: 3 * rows].astype(np.float64).reshape(3, rows)
     return Run(time_s, torque_n_m, speed_rad_s, values[3 * rows :])

@@ -1,20 +1,19 @@
 """Simulate: an axis with mechanisms from sliders, drawn and heard beside the one that is described."""
 
-import io
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 from urllib.parse import urlencode
 
 import numpy as np
-import soundfile
 from fastapi import APIRouter, Depends, Header, Query, Request
 from fastapi.responses import Response
 
 from app.api.recordings import asked_range
 from app.errors import Unprocessable
 from app.gate import Looking
+from app.generation import wav
 from app.intake import hear
 from app.metadata import RecordingMetadata
 from app.service import Service, TheService
@@ -34,7 +33,6 @@ from sim.description.axis_document import read_axis
 from sim.experiment.paper_axis import PAPER_AXIS
 
 router = APIRouter(prefix="/simulate", dependencies=[Looking])
-SECTION = "/simulate"
 SHOWN, DIAGNOSED = (2, 2.0, 8.0), (4, 10.0, 24.0)
 """Cycles of the motion, but at least and at most so long [s], that are drawn and heard, and that are diagnosed."""
 TIME = "time [s]"
@@ -54,20 +52,18 @@ class Asked:
     sliders: tuple[Slider, ...]
     values: Mapping[str, float]
 
+    @property
+    def described(self) -> "Asked":
+        """The same axis with all sliders at its description."""
+        return replace(self, values={one.name: one.start for one in self.sliders})
+
+    @property
+    def query(self) -> str:
+        return urlencode({"axis": self.axis.name, **self.values})
+
     def run(self, length: tuple[int, float, float] = SHOWN) -> Run:
-        return simulate(moved(self.axis, self.values), self.duration_s(length))
-
-    def described(self) -> Run:
-        return simulate(self.axis, self.duration_s(SHOWN))
-
-    def duration_s(self, length: tuple[int, float, float]) -> float:
         cycles, least_s, most_s = length
-        return min(max(cycles * self.axis.motion.period_s, least_s), most_s)
-
-    def query(self, *, is_described: bool) -> str:
-        """Return what asks for the sound."""
-        values = {one.name: one.start for one in self.sliders} if is_described else self.values
-        return urlencode({"axis": self.axis.name, **values})
+        return simulate(moved(self.axis, self.values), min(max(cycles * self.axis.motion.period_s, least_s), most_s))
 
 
 def asked(request: Request, service: TheService, _: PageViewer, axis: Annotated[str, Query()] = "") -> Asked:
@@ -79,10 +75,8 @@ def asked(request: Request, service: TheService, _: PageViewer, axis: Annotated[
     """
     name = axis or PAPER_AXIS.name
     with service.library.reading() as session:
-        row = find_axis(session, name)
-        if row is None and name != PAPER_AXIS.name:
-            get_axis(session, name)
-    known = PAPER_AXIS if row is None else read_axis(row.document)
+        is_not_stored = name == PAPER_AXIS.name and find_axis(session, name) is None
+        known = PAPER_AXIS if is_not_stored else read_axis(get_axis(session, name).document)
     if not known.stages:
         raise Unprocessable(
             f"The axis {name!r} has no gear stage, so it has no teeth whose sound could be simulated. Describe its "
@@ -111,7 +105,7 @@ def simulate_axis(
     with service.library.reading() as session:
         names = [row.name for row in list_axes(session) if row.document.get("stages")]
     words = "as described" if wanted.axis.mechanisms else "healthy, as described"
-    runs = {"as set": wanted.run(), words: wanted.described()}
+    runs = {"as set": wanted.run(), words: wanted.described.run()}
     context = {
         "axis": wanted.axis,
         "axes": sorted({PAPER_AXIS.name, *names}),
@@ -119,12 +113,14 @@ def simulate_axis(
         "described": words,
         "charts": charts(runs),
         "numbers": [
-            (name, run.crest.largest, root_mean_square(run.sound), peak(run.sound)) for name, run in runs.items()
+            ("Crest factor below 200 Hz", [run.crest.largest for run in runs.values()]),
+            ("Effective value, rms", [root_mean_square(run.sound) for run in runs.values()]),
+            ("Peak", [peak(run.sound) for run in runs.values()]),
         ],
-        "sounds": [wanted.query(is_described=True), wanted.query(is_described=False)],
+        "sounds": [wanted.described.query, wanted.query],
         "diagnosis": diagnosed(service, wanted) if diagnose else None,
     }
-    return render(request, "simulator.html", context, principal=principal, section=SECTION)
+    return render(request, "simulator.html", context, principal=principal, section=router.prefix)
 
 
 def charts(runs: Mapping[str, Run]) -> tuple[Chart, ...]:
@@ -136,7 +132,7 @@ def charts(runs: Mapping[str, Run]) -> tuple[Chart, ...]:
 
     own, other = runs.values()
     more = own.torque_n_m - np.interp(own.time_s, other.time_s, other.torque_n_m)
-    less = Series(" less ".join(runs), own.time_s, more)
+    less = Series("as set, less the described one", own.time_s, more)
     return (
         drawn("Torque of the motor", TIME, "torque [N m]", lambda run: (run.time_s, run.torque_n_m)),
         Chart("Difference of the torque", (less,), TIME, "difference [N m]"),
@@ -153,11 +149,8 @@ def sound(
     wanted: TheAsked, byte_range: Annotated[str | None, Header(alias="Range", max_length=100)] = None
 ) -> Response:
     """The sound, whole or one range of it; the described one and the one that is set are louder by the same factor."""
-    louder = PEAK / max(peak(wanted.described().sound), 1e-9)
-    memory = io.BytesIO()
-    samples = np.clip(louder * wanted.run().sound, -1.0, 1.0)
-    soundfile.write(memory, samples, int(SAMPLE_RATE_HZ), subtype="PCM_16", format="WAV")
-    content = memory.getvalue()
+    louder = PEAK / max(peak(wanted.described.run().sound), 1e-9)
+    content = wav(np.clip(louder * wanted.run().sound, -1.0, 1.0))
     start, end = asked_range(byte_range, len(content))
     if end - start == len(content):
         return Response(content, headers={"Accept-Ranges": "bytes"}, media_type="audio/wav")
@@ -178,8 +171,8 @@ def diagnosed(service: Service, wanted: Asked) -> Mapping[str, object]:
     with service.library.reading() as session:
         reasoner = service.library.reuse.reasoner(session)
         found = reasoner.diagnose(heard.extraction, axis=axis.name)
-        document = {**found.to_document(), "provenance": provenance(reasoner, axis.name)}
-    document |= {"severity": None, "detection_limit": {}, "recording": {"duration_s": recording.duration_s}}
+        known = {"severity": None, "detection_limit": {}, "provenance": provenance(reasoner, axis.name)}
+    document = {**found.to_document(), **known, "recording": {"duration_s": recording.duration_s}}
     return {
         "verdict": verdict_of(document),
         "label": found.label,
