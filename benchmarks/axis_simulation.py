@@ -1,4 +1,4 @@
-"""A robot axis of three shafts with a notch and play, 30 s: engine 2, its sound, its inverse, its files, batches."""
+"""A robot axis of three shafts with a notch and play, 30 s: engine, sound, files, batches."""
 
 import multiprocessing
 import os
@@ -10,9 +10,7 @@ from multiprocessing.synchronize import Barrier
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
-from app.commands.simulate import write_sound, write_telemetry
+from app.simulation_files import write_sound, write_telemetry
 from benchmarks import Row, best_seconds
 from sim.description.axis import Axis
 from sim.experiment.batch import simulate_many
@@ -20,9 +18,7 @@ from sim.experiment.paper_axis import PAPER_AXIS
 from sim.experiment.virtual_measurement import built, measure
 from sim.mechanisms import Backlash, ToothDamage
 from sim.mechanisms.catalogue import with_mechanism
-from sim.torsional.integrate import run_chain
-from sim.torsional.model import PrescribedMotion
-from sim.torsional.reduction import chain_of, simulate_chain
+from sim.solver import simulate
 
 SECONDS, RATE_HZ, TELEMETRY_HZ = 30.0, 8000.0, 2000.0
 RUNS_PER_CORE, ROUNDS = 4, 3
@@ -35,14 +31,13 @@ def faulty_axis() -> Axis:
 
 
 def run() -> list[Row]:
-    """Measure single runs, then the inverse simulation, then batches."""
+    """Measure single runs, then batches."""
     axis = faulty_axis()
     train = built(axis)
     calls = {
         "mechanisms and sound, 8 kHz": partial(measure, axis, SECONDS),
-        "mechanisms alone, 8 kHz": partial(simulate_chain, train, SECONDS, RATE_HZ),
+        "mechanisms alone, 8 kHz": partial(simulate, train, SECONDS, RATE_HZ),
         "a tenth of the time": partial(measure, axis, SECONDS / 10),
-        "motor angle given, 2 kHz": _inverse(axis),
     }
     for call in calls.values():
         call()
@@ -52,8 +47,8 @@ def run() -> list[Row]:
         Row(name, seconds, note=f"{length / seconds:.0f} x real time{goal}")
         for (name, seconds), length, goal in zip(
             best.items(),
-            (SECONDS, SECONDS, SECONDS / 10, SECONDS),
-            (" (target 500)", "", "", " (target 20 ms)"),
+            (SECONDS, SECONDS, SECONDS / 10),
+            (" (target 500)", "", ""),
             strict=True,
         )
     ]
@@ -77,14 +72,6 @@ def _written(axis: Axis) -> list[Row]:
         Row(f"300 s written, {name}", seconds, note=f"{10 * SECONDS / seconds:.0f} x real time (target 150)")
         for name, seconds in best.items()
     ]
-
-
-def _inverse(axis: Axis) -> partial[object]:
-    """The simulation that an investigation repeats: motor angle given, its torque and the load's angle wanted."""
-    samples = round(SECONDS * TELEMETRY_HZ)
-    angle = measure(axis, SECONDS).telemetry["motor_position_rad"][:samples]
-    motion = PrescribedMotion.from_samples(np.round(angle, 5), TELEMETRY_HZ)
-    return partial(run_chain, chain_of(built(axis).remove("drive")), motion, TELEMETRY_HZ, samples, light=True)
 
 
 def _batch(axis: Axis) -> list[Row]:

@@ -197,7 +197,7 @@ def _paper_of(item: str) -> str:
 
 
 def _torque(each: Scenario) -> CrestTrace:
-    force = each.simulate().force_n_m[round(SETTLING_S * SAMPLE_RATE_HZ) :, len(each.axis.stages) - 1]
+    force = -each.simulate()[f"{each.axis.stages[-1].name}.tau"][round(SETTLING_S * SAMPLE_RATE_HZ) :]
     return crest_trace(force, SAMPLE_RATE_HZ)
 
 

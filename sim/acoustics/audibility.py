@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone
 from sim.experiment.scenario import Scenario
-from sim.torsional.model import ChainResult
+from sim.experiment.virtual_measurement import heard_forces
+from sim.rotational.trajectory import Trajectory
 
 BAND_HZ = (12.0, 200.0)  # the paper's low-pass, and above what a microphone turns into sound
 JUST_HEARD = 3.0  # over the RMS of the rest; noise of this band itself peaks at 4.4 in 10 s, but not at one place
@@ -44,8 +45,8 @@ class FaultRun:
     """A scenario whose last mechanism is a fault, run with and without it; any microphone may then listen."""
 
     scenario: Scenario
-    run: ChainResult
-    rest: ChainResult
+    run: Trajectory
+    rest: Trajectory
 
     @classmethod
     def of(cls, scenario: Scenario) -> FaultRun:
@@ -75,16 +76,17 @@ def _healthy(scenario: Scenario) -> Scenario:
     return replace(scenario, axis=replace(scenario.axis, mechanisms=scenario.axis.mechanisms[:-1]))
 
 
-def _peak(scenario: Scenario, run: ChainResult, rest: ChainResult) -> float:
+def _peak(scenario: Scenario, run: Trajectory, rest: Trajectory) -> float:
     """Largest value within the band of what the fault adds, at gain 1: without noise, sound is linear in the force."""
-    meshes = rest.force_n_m.shape[1]
-    added = replace(run, force_n_m=run.force_n_m[:, :meshes] - rest.force_n_m)
+    added, speed = heard_forces(run, scenario.axis)
+    without, _ = heard_forces(rest, scenario.axis)
+    added[:, : without.shape[1]] -= without
     silent = replace(scenario.microphone, rubbing_n_m=0.0, ambient_n_m=0.0, gain=1.0)
     edge = round(0.1 * SAMPLE_RATE_HZ)
-    return float(np.abs(_in_band(replace(scenario, microphone=silent).hear(added))[edge:-edge]).max())
+    return float(np.abs(_in_band(replace(scenario, microphone=silent).hear_forces(added, speed))[edge:-edge]).max())
 
 
-def _rest(scenario: Scenario, rest: ChainResult) -> float:
+def _rest(scenario: Scenario, rest: Trajectory) -> float:
     return math.sqrt(float(np.mean(_in_band(_healthy(scenario).hear(rest)) ** 2)))
 
 

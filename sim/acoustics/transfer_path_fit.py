@@ -22,6 +22,7 @@ from sim.errors import ParameterError
 from sim.experiment.design_of_experiments import OPERATION, SPECIMEN, detuned
 from sim.experiment.scenario import Scenario, with_motion
 from sim.experiment.specimen import Specimen
+from sim.experiment.virtual_measurement import heard_forces
 
 Array = NDArray[np.float64]
 WINDOW = 1024  # 0.128 s: short against the time at full speed, 8 Hz wide
@@ -216,12 +217,11 @@ def _rubbing(axis: Axis, recordings: Sequence[Heard], measured: tuple[float | No
     heard = recordings[0]
     moved = with_motion(axis, period_s=heard.period_s, load_speed_rad_s=heard.speed_rad_s)
     scenario = Scenario(moved, heard.payload_kg_m2, Specimen(0), Microphone(), 2 * heard.period_s)
-    run = scenario.simulate()
+    forces, speed = heard_forces(scenario.simulate(), axis)
     ratios = []
     for mesh, at in enumerate(_engagement_hz(axis, heard.speed_rad_s)):
-        torque = run.force_n_m[:, mesh] * axis.ratio_from(axis.stages[mesh].name)
-        cruising = np.abs(run.speed_rad_s[:, -1]) > 0.95 * heard.speed_rad_s
-        simulated = _tone(torque[cruising], at)
+        cruising = np.abs(speed) > 0.95 * heard.speed_rad_s
+        simulated = _tone(forces[cruising, mesh], at)
         line = measured[mesh]
         if line is not None:
             ratios.append(simulated / line)

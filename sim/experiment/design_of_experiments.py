@@ -96,10 +96,16 @@ def obstacle(axis: Axis, label: str) -> str | None:
     name = LABELS.get(label, label)
     try:
         having = axis if name is None else with_mechanism(axis, MECHANISMS[name]())
-        Specimen(0).chain(having, axis.load.inertia_kg_m2)
+        _check(having)
     except SimulationError as error:
         return str(error)
     return None
+
+
+def _check(axis: Axis) -> None:
+    """Raise SimulationError where no sound of an axis can be simulated."""
+    specimen = Specimen(0)
+    specimen.train(specimen.built(axis, axis.load.inertia_kg_m2))
 
 
 def _is_silent(kind: type[Mechanism]) -> bool:
@@ -150,7 +156,7 @@ def plan(
     from scipy.stats import qmc  # slow to import
 
     axis = replace(axis, mechanisms=tuple(each for each in axis.mechanisms if each.name not in FAULTS))
-    Specimen(0).chain(axis, axis.load.inertia_kg_m2)
+    _check(axis)
     for label in counts:
         if label not in labels():
             raise ParameterError(f"label: {label!r} cannot be generated{near_match(label, labels())}")

@@ -12,18 +12,17 @@ from numpy.typing import NDArray
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, hear, microphone_of
 from sim.description.axis import Axis, Motion
 from sim.description.axis_document import read_axis
-from sim.errors import RunError
 from sim.experiment.specimen import Specimen
+from sim.experiment.virtual_measurement import heard_forces
 from sim.mechanisms.catalogue import distort_sound
-from sim.torsional.integrate import run_chain
-from sim.torsional.model import Array, Chain, ChainResult, Servo
-from sim.torsional.motion_profile import back_and_forth
+from sim.rotational.trajectory import Trajectory
+from sim.solver import simulate
+from sim.torsional.motion_profile import Array, servo_drive
 
-MODEL_VERSION = "2"  # raise when the same scenario would sound otherwise
+MODEL_VERSION = "3"  # raise when the same scenario would sound otherwise
 SPEED_BANDWIDTH_RAD_S = 80.0
 POSITION_GAIN_PER_S = 15.0
 INTEGRAL_TIME_S = 0.1
-UNLIMITED = 1e9
 LOUDEST = 0.5  # of full scale: 6 dB of head-room, as usual for sound whose loudest moment is not known beforehand
 SETTLING_S = 0.5  # simulated before the recording begins: no microphone is switched on together with the axis
 
@@ -70,39 +69,32 @@ class Scenario:
         """The sound, shape (n,) at 8 kHz. Raises what `simulate` raises."""
         return self.hear(self.simulate())
 
-    def simulate(self) -> ChainResult:
-        """The run behind the sound; it begins `SETTLING_S` earlier.
-
-        Raises RunError where the run left all bounds, and what the parts raise.
-        """
-        chain = self.specimen.chain(self.axis, self.payload_kg_m2)
-        motion = self.motion()
-        servo = servo_of(self.axis, chain, motion)
-        run = run_chain(chain, servo, SAMPLE_RATE_HZ, motion.shape[1])
-        if not np.isfinite(run.force_n_m).all():
-            raise RunError(
-                f"axis {self.axis.name!r} left all bounds under its servo; lower servo.speed_bandwidth_rad_s"
-            )
-        return run
-
-    def motion(self, rate_hz: float = SAMPLE_RATE_HZ) -> Array:
-        """Angle [rad], speed [rad/s] and acceleration [rad/s2] that the output is to have, shape (3, n)."""
-        wanted = self.axis.motion
-        position, speed, acceleration = back_and_forth(
-            np.arange(round((SETTLING_S + self.duration_s) * rate_hz)) / rate_hz + self.start_phase * wanted.period_s,
-            wanted.period_s,
-            wanted.load_speed_rad_s,
-            wanted.acceleration_time_s,
-            wanted.dwell_s,
+    def simulate(self) -> Trajectory:
+        """The run behind the sound; it begins `SETTLING_S` earlier. Raises what the parts raise."""
+        built = self.specimen.built(self.axis, self.payload_kg_m2)
+        servo = replace(
+            built.servo,
+            speed_bandwidth_rad_s=built.servo.speed_bandwidth_rad_s or SPEED_BANDWIDTH_RAD_S,
+            position_gain_per_s=built.servo.position_gain_per_s or POSITION_GAIN_PER_S,
+            integral_time_s=built.servo.integral_time_s or INTEGRAL_TIME_S,
         )
-        return np.stack([position - travel_rad(wanted) / 2 + self.middle_rad, speed, acceleration])
+        motion = self.axis.motion
+        drive = replace(
+            servo_drive(replace(built, servo=servo)),
+            begin=self.start_phase * motion.period_s,
+            offset=(self.middle_rad - travel_rad(motion) / 2) * self.axis.ratio,
+        )
+        train = self.specimen.train(built).add("drive", drive, flange="motor.flange_a")
+        samples = round((SETTLING_S + self.duration_s) * SAMPLE_RATE_HZ)
+        return simulate(train, (samples - 1) / SAMPLE_RATE_HZ, SAMPLE_RATE_HZ)
 
-    def hear(self, run: ChainResult) -> NDArray[np.float32]:
+    def hear(self, run: Trajectory) -> NDArray[np.float32]:
         """What the scenario's microphone hears of a run, shape (n,), and what its recorder makes of that."""
-        at_output = np.array([self.axis.ratio_from(stage.name) for stage in self.axis.stages])
-        meshes = len(at_output)  # behind the output, more may hang on a spring
-        torque, speed = run.force_n_m[:, :meshes] * at_output, run.speed_rad_s[:, meshes]
-        sound = hear(torque, speed, SAMPLE_RATE_HZ, self.microphone, self.noise_seed)
+        return self.hear_forces(*heard_forces(run, self.axis))
+
+    def hear_forces(self, forces_n_m: Array, speed_rad_s: Array) -> NDArray[np.float32]:
+        """What it hears of torques felt at the output, shape (n, sources), and of the output's speed, shape (n,)."""
+        sound = hear(forces_n_m, speed_rad_s, SAMPLE_RATE_HZ, self.microphone, self.noise_seed)
         sound = sound[round(SETTLING_S * SAMPLE_RATE_HZ) :]
         return distort_sound(sound, SAMPLE_RATE_HZ, self.axis, self.noise_seed)
 
@@ -121,21 +113,6 @@ def scenario_of(document: Mapping[str, Any]) -> Scenario:
         specimen=Specimen(**document["specimen"]),
         microphone=microphone_of(document["microphone"]),
         **rest,
-    )
-
-
-def servo_of(axis: Axis, chain: Chain, motion: Array) -> Servo:
-    """The servo of an axis with the motor's reference: angle [rad], speed [rad/s], feed-forward torque [N m]."""
-    reflected = [1.0, *np.cumprod([link.ratio for link in chain.links])]
-    inertia = sum(shaft.inertia_kg_m2 / ratio**2 for shaft, ratio in zip(chain.shafts, reflected, strict=True))
-    bandwidth = axis.servo.speed_bandwidth_rad_s or SPEED_BANDWIDTH_RAD_S
-    return Servo(
-        reference=motion * axis.ratio * np.array([[1.0], [1.0], [inertia]]),
-        position_gain_per_s=axis.servo.position_gain_per_s or POSITION_GAIN_PER_S,
-        speed_gain_n_m_s=inertia * bandwidth,
-        integral_time_s=axis.servo.integral_time_s or INTEGRAL_TIME_S,
-        speed_limit_rad_s=min(axis.motor.speed_limit_rad_s, UNLIMITED),
-        torque_limit_n_m=min(axis.motor.torque_limit_n_m, UNLIMITED),
     )
 
 

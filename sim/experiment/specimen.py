@@ -13,11 +13,13 @@ from typing import TypeVar
 
 import numpy as np
 
-from sim.assembly import chain_of_axis
+from sim.assembly import drive_train_of
 from sim.description.axis import Axis, Load, Motor, Stage
 from sim.description.transmission import link_damping
 from sim.errors import AxisError
-from sim.torsional.model import Chain, Line
+from sim.mechanisms.places import with_error
+from sim.rotational.drive_train import DriveTrain
+from sim.torsional.components import MeshLine, Wheel
 
 End = TypeVar("End", Motor, Load)
 
@@ -40,15 +42,15 @@ class Specimen:
     friction: float = 1.0
     damping: float = 1.0
 
-    def chain(self, axis: Axis, payload_kg_m2: float) -> Chain:
-        """The specimen as shafts in series, with the axis's own mechanisms.
+    def built(self, axis: Axis, payload_kg_m2: float) -> Axis:
+        """The axis with the values that this specimen has in place of its data sheet's.
 
-        Raises AxisError where the axis has no gear or a stage without stiffness, and what its mechanisms raise.
+        Raises AxisError where the axis has no gear or a stage without stiffness.
         """
         if not axis.stages:
             raise AxisError("stages: sound is made by gears, and this axis has none")
-        random = np.random.default_rng(self.seed)
-        stages, errors = [], []
+        random = np.random.default_rng([self.seed, 1])
+        stages = []
         for index, (stage, c) in enumerate(zip(axis.stages, axis.stiffness(), strict=True)):
             if c is None:
                 raise AxisError(f"stages[{index}].stiffness_n_m_per_rad: missing; a rigid mesh makes no sound")
@@ -60,16 +62,24 @@ class Specimen:
                     backlash_rad=stage.backlash_rad * random.uniform(*AS_NEW),
                 )
             )
-            errors.append(_errors(stage, index, self.error, random))
-        built = replace(
+        return replace(
             axis,
             motor=_rubbing(axis.motor, self.friction),
             load=replace(_rubbing(axis.load, self.friction), inertia_kg_m2=payload_kg_m2),
             stages=tuple(stages),
         )
-        chain = chain_of_axis(built)
-        links = [replace(link, errors=(*lines, *link.errors)) for link, lines in zip(chain.links, errors, strict=False)]
-        return replace(chain, links=(*links, *chain.links[len(links) :]))
+
+    def train(self, built: Axis) -> DriveTrain:
+        """The drive train of a `built` axis with its mechanisms and this specimen's transmission errors.
+
+        Raises what the mechanisms raise.
+        """
+        random = np.random.default_rng(self.seed)
+        train = drive_train_of(built)
+        for stage in built.stages:
+            for line in _errors(stage, self.error, random):
+                train = with_error(train, stage.name, line.order, line.amplitude, line.phase, wheel=line.wheel)
+        return train
 
 
 def _rubbing(end: End, factor: float) -> End:
@@ -87,19 +97,20 @@ def _teeth(stage: Stage) -> tuple[int, int]:
     return driver, max(least, round(driver * stage.ratio))
 
 
-def _errors(stage: Stage, index: int, scale: float, random: np.random.Generator) -> tuple[Line, ...]:
-    """Transmission errors of a mesh between shafts `index` and `index + 1`, in rad at the driven gear."""
+def _errors(stage: Stage, scale: float, random: np.random.Generator) -> tuple[MeshLine, ...]:
+    """Transmission errors of a mesh, in rad at the driven gear."""
     amplitude = stage.transmission_error_rad * scale
     driver, driven = _teeth(stage)
 
-    def line(shaft: int, order: float, level: float) -> Line:
-        return Line(shaft, order, amplitude * level, float(random.uniform(0, 2 * math.pi)))
+    def line(wheel: Wheel, order: float, level: float) -> MeshLine:
+        return MeshLine(order, amplitude * level, float(random.uniform(0, 2 * math.pi)), wheel)
 
     lines = [
-        line(index + 1, k * driven, level * (1.0 if k == 1 else random.uniform(0.5, 1.5)))
+        line("driven", k * driven, level * (1.0 if k == 1 else random.uniform(0.5, 1.5)))
         for k, level in enumerate(HARMONIC_LEVELS, 1)
     ]
-    for shaft, teeth in ((index, driver), (index + 1, driven)):
-        lines.append(line(shaft, 1, random.uniform(*RUN_OUT)))
-        lines.extend(line(shaft, teeth + side, random.uniform(*SIDEBAND)) for side in (-1, 1))
+    sides: tuple[tuple[Wheel, int], ...] = (("driver", driver), ("driven", driven))
+    for wheel, teeth in sides:
+        lines.append(line(wheel, 1, random.uniform(*RUN_OUT)))
+        lines.extend(line(wheel, teeth + side, random.uniform(*SIDEBAND)) for side in (-1, 1))
     return tuple(lines)

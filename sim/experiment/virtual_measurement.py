@@ -11,14 +11,13 @@ from casebase.signals.telemetry import Telemetry
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode, hear
 from sim.assembly import drive_train_of
 from sim.description.axis import Axis
-from sim.errors import RunError
 from sim.mechanisms.catalogue import distort_sound, distort_telemetry
 from sim.mechanisms.places import with_error
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import Trajectory
+from sim.solver import simulate
 from sim.torsional.model import Array
 from sim.torsional.motion_profile import moving
-from sim.torsional.reduction import simulate_chain
 
 TELEMETRY_RATE_HZ = 2000.0
 LEVEL_OF_16_BIT = 2.0**-15
@@ -69,10 +68,7 @@ def measure(
 
 def moved(axis: Axis, duration_s: float, watch: Array | None = None) -> Trajectory:
     """The motion of an axis along its `motion`, at 8 kHz; raises as `measure` does."""
-    trajectory = simulate_chain(built(axis), duration_s, SAMPLE_RATE_HZ, watch)
-    if not np.isfinite(trajectory["motor.w"][-1]):
-        raise RunError(f"axis {axis.name!r} left all bounds; lower servo.speed_bandwidth_rad_s")
-    return trajectory
+    return simulate(built(axis), duration_s, SAMPLE_RATE_HZ, watch=watch)
 
 
 def recorded(trajectory: Trajectory, axis: Axis, seed: int = 0) -> Telemetry:
@@ -109,14 +105,22 @@ def telemetry_of(trajectory: Trajectory, axis: Axis) -> Telemetry:
 
 def sound_of(trajectory: Trajectory, axis: Axis, microphone: Microphone, seed: int) -> NDArray[np.float32]:
     """What the microphone hears of the meshes and bearings of a trajectory."""
+    before = round(STANDING_S * trajectory.sample_rate_hz)
+    forces, speed = heard_forces(trajectory, axis, before)
+    return hear(forces, speed, trajectory.sample_rate_hz, microphone, seed)[before:]
+
+
+def heard_forces(trajectory: Trajectory, axis: Axis, before: int = 0) -> tuple[Array, Array]:
+    """Torques of meshes and bearings felt at the output [N m], shape (n, sources), and its speed [rad/s].
+
+    `before`: samples of standstill that are put in front.
+    """
     factors = {f"{stage.name}.tau": -axis.ratio_from(stage.name) for stage in axis.stages}
     bearings = (name for name in trajectory.channels if name.endswith(BEARING))
     factors |= {name: axis.ratio_from(name.removesuffix(BEARING)) for name in bearings}
-    before = round(STANDING_S * trajectory.sample_rate_hz)
     forces = np.zeros((before + len(trajectory.time_s), max(len(factors), 1)))
     for column, (name, factor) in zip(forces.T, factors.items(), strict=False):
         np.multiply(trajectory[name], factor, out=column[before:])
         column[:before] = column[before]
     end = "load.w" if "load.w" in trajectory.channels else "motor.w"
-    speed = np.pad(trajectory[end], (before, 0))
-    return hear(forces, speed, trajectory.sample_rate_hz, microphone, seed)[before:]
+    return forces, np.pad(trajectory[end], (before, 0))

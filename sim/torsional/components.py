@@ -178,6 +178,8 @@ class ServoDrive(OneFlange):
     ----------
     period, top_speed, ramp, dwell
         Of the motion: period [s], largest speed of the motor [rad/s], time to reach it [s], rest at each end [s].
+    begin, offset
+        Where in its period the motion begins [s], and the angle of the motor at its near end [rad].
     position_gain, speed_gain, integral_time
         Of the controllers: [1/s], [N.m.s/rad], [s].
     feed_forward_inertia
@@ -196,6 +198,8 @@ class ServoDrive(OneFlange):
     feed_forward_inertia: float
     torque_limit: float
     speed_limit: float
+    begin: float = 0.0
+    offset: float = 0.0
 
     units: ClassVar[Mapping[str, str]] = {"tau": "N.m", "reference": "rad"}
 
@@ -204,6 +208,8 @@ class ServoDrive(OneFlange):
             number(f"ServoDrive.{name}", getattr(self, name), "", above=0)
         for name in ("dwell", "feed_forward_inertia"):
             number(f"ServoDrive.{name}", getattr(self, name), "", at_least=0)
+        for name in ("begin", "offset"):
+            number(f"ServoDrive.{name}", getattr(self, name), "")
         for name in ("torque_limit", "speed_limit"):
             if not getattr(self, name) > 0:
                 raise ParameterError(f"ServoDrive.{name}: must be > 0, got {getattr(self, name)}")

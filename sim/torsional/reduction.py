@@ -75,7 +75,7 @@ def simulate_chain(
         )
     chain = _chain(train, places)
     drive, reference = _drive(train, places, samples, sample_rate_hz)
-    start = _start(train, places, chain)
+    start = None if isinstance(drive, Servo) else _start(train, places, chain)
 
     def names(column: int, link: bool) -> str:
         return (places[column].mesh or "") if link else places[column].inertias[0]
@@ -236,7 +236,9 @@ def _drive(train: DriveTrain, places: list[Place], samples: int, rate: float) ->
 def _servo(drive: ServoDrive, samples: int, rate: float) -> tuple[Servo, Array]:
     if rate < MIN_RATE_OF_SERVO_HZ:
         raise RunError(f"sample_rate_hz: a servo needs at least {MIN_RATE_OF_SERVO_HZ:g} Hz, got {rate:g}")
-    reference = back_and_forth(np.arange(samples) / rate, drive.period, drive.top_speed, drive.ramp, drive.dwell)
+    time = drive.begin + np.arange(samples) / rate
+    reference = back_and_forth(time, drive.period, drive.top_speed, drive.ramp, drive.dwell)
+    reference[0] += drive.offset
     angle = reference[0].copy()
     reference[2] *= drive.feed_forward_inertia
     limits = min(drive.speed_limit, 1e12), min(drive.torque_limit, 1e12)

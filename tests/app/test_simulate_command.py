@@ -80,7 +80,7 @@ def test_telemetry_as_parquet_holds_the_numbers_of_the_csv(described: Path, tmp_
         (["--mechanism", "backlash", "--set", "gap_rad=wide"], "--set gap_rad: must be a number, got 'wide'"),
         (["--mechanism", "backlash@gripper"], "backlash.location: must be one of output, transfer, got 'gripper'"),
         (["--set", "gap_rad=1e-3"], "--set gap_rad: needs a --mechanism"),
-        (["--duration", "1e9"], "duration_s: must be at most"),
+        (["--duration", "1e5"], "duration_s: must be at most"),
         (["--duration", "-3"], "duration_s: must be > 0"),
     ],
 )

@@ -30,7 +30,7 @@ def test_every_label_that_is_offered_can_be_simulated() -> None:
     described = parse_axis(AXIS)
     geared = read_axis(described)
     for one in plan(geared, dict.fromkeys(labels_of(geared), 1)):
-        one.scenario.specimen.chain(one.scenario.axis, one.scenario.payload_kg_m2)
+        one.scenario.specimen.train(one.scenario.specimen.built(one.scenario.axis, one.scenario.payload_kg_m2))
     assert set(labels_of(geared)) == set(labels())
     uncounted = read_axis({**described, "stages": [{"name": "output", "ratio": 100.0, "stiffness_n_m_per_rad": 1e5}]})
     assert {"notch", "mesh_error"} & set(labels_of(uncounted)) == set()

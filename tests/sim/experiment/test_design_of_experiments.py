@@ -73,12 +73,13 @@ def test_a_notch_is_passed_by_its_flank_only() -> None:
     entry = planned.mechanism
     assert entry is not None
     base = replace(planned.scenario, axis=replace(planned.scenario.axis, mechanisms=()), specimen=Specimen(5, 0.0))
-    healthy = base.simulate().force_n_m[:, -1]
+    torque = f"{PAPER_AXIS.stages[-1].name}.tau"
+    healthy = -base.simulate()[torque]
     ways = []
     for flank in (1.0, -1.0):
         damaged = replace(entry, parameters={**entry.parameters, "flank": flank, "depth_rad": 3e-4})
         run = replace(base, axis=replace(base.axis, mechanisms=(damaged,))).simulate()
-        hit = np.abs(run.force_n_m[:, -1] - healthy)
+        hit = np.abs(-run[torque] - healthy)
         first = int(np.argmax(hit > 0.2 * hit.max()))
         ways.append(np.sign(healthy[first]))
     assert ways == [1.0, -1.0]
