@@ -9,6 +9,7 @@ MODULES: tuple[str, ...] = (
     "features",
     "simulation",
     "axis_simulation",
+    "command_line",
     "service",
     "pages",
     "sliders",
