@@ -27,7 +27,6 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("generate", "app.commands.generate", "Generate cases by simulation."),
     ("fit", "app.commands.fit", "Fit the simulated sound to normal recordings of an axis."),
     ("compare", "app.commands.compare", "Say what the simulated sound of an axis gets wrong."),
-    ("tendency", "app.commands.tendency", "Plot how features follow fault size, payload and frequency."),
     ("starter", "app.commands.starter", "Fill an empty library with cases of the paper's axis."),
     ("jobs", "app.commands.jobs", "List, follow, cancel, resume and adopt jobs."),
     ("simulate", "app.commands.simulate", "Simulate an axis: telemetry and sound."),

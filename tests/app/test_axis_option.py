@@ -33,7 +33,6 @@ VERBS = (
     ("fit",),
     ("compare",),
     ("size", "a.wav", "--label", "notch"),
-    ("tendency", "--out", "page.md"),
 )
 
 
