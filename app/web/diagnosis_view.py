@@ -16,16 +16,7 @@ from app.web.charts import Chart
 from app.web.disturbed import Flag, flags_of, left_out_words, marked
 from app.web.evidence import Evidence, evidence_of
 from app.web.features import features_of, read_together
-from app.web.overlay import laid_over
-from app.web.recorded import (
-    PlotName,
-    decoded,
-    event_times,
-    order_markers,
-    spectrogram_png,
-    strongest_events,
-    surveyed,
-)
+from app.web.recorded import decoded, event_times, order_markers, spectrogram_png, strongest_events, surveyed
 from app.web.standing_words import earlier_words
 from app.web.templating import quantity
 from app.web.trend import chart_of
@@ -123,16 +114,12 @@ class DiagnosisView:
         }
 
 
-def view_of(
-    session: Session, service: Service, row: StoredDiagnosis, *, orders: bool = False, overlay: Case | None = None
-) -> DiagnosisView:
-    """Gather a diagnosis with its plots, a case laid over them if asked for."""
+def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders: bool = False) -> DiagnosisView:
+    """Gather a diagnosis with its plots."""
     document: Mapping[str, Any] = row.document
     sound = None if row.recording.erased_at is not None else decoded(service, row.recording)
     found = None if sound is None else surveyed(sound, row.recording)
-    drawn, polar, peaks = (
-        (SimpleNamespace(), None, ()) if found is None else _drawn(session, service, row, found, orders, overlay)
-    )
+    drawn, polar, peaks = (SimpleNamespace(), None, ()) if found is None else _drawn(session, row, found, orders)
     history, trend = history_of(session, service, row.recording)
     return DiagnosisView(
         diagnosis=row,
@@ -164,7 +151,7 @@ def view_of(
 
 
 def _drawn(
-    session: Session, service: Service, row: StoredDiagnosis, found: Survey, orders: bool, overlay: Case | None
+    session: Session, row: StoredDiagnosis, found: Survey, orders: bool
 ) -> tuple[SimpleNamespace, Markup | None, Sequence[float]]:
     """Return the charts, the polar plot, and the outline of the waveform."""
     sound, analysis = found.recording, found.analysis
@@ -178,11 +165,6 @@ def _drawn(
         level=draw.level_trace(sound),
         fold=folded[0] if folded else None,
     )
-    if overlay is not None:
-        for name, chart in vars(drawn).items():
-            plot: PlotName = "orders" if name == "spectrum" and order_hz else name  # type: ignore[assignment]
-            if chart is not None:
-                setattr(drawn, name, laid_over(chart, plot, session, service, row.recording, overlay))
     peaks = draw.envelope(sound.samples, sound.sample_rate_hz, PEAKS).y
     return drawn, folded[1] if folded else None, peaks.tolist()
 

@@ -11,6 +11,8 @@ from app.errors import Unprocessable
 from app.web.words import NAMES, name_of
 from casebase.fields import Label
 from casebase.labels import GEAR_DAMAGE
+from sim.experiment.design_of_experiments import LABELS
+from sim.mechanisms import MECHANISMS
 
 LABEL: TypeAdapter[str] = TypeAdapter(Label)
 ANOTHER = "+"
@@ -63,6 +65,16 @@ def choices(library: Iterable[str]) -> Choices:
     return groups + [
         (group, [(label, _words(label)) for label in labels if label not in own]) for group, labels in STANDARDS
     ]
+
+
+def damage_of(label: str | None) -> str:
+    """Return what ISO 10825-1 calls a label, or the damage that can make it; empty where it has no name for it.
+
+    >>> damage_of("pitting"), damage_of("normal")
+    ('surface fatigue: pitting', '')
+    """
+    name = LABELS.get(label or "", label) or ""
+    return MECHANISMS[name].damage if name in MECHANISMS else GEAR_DAMAGE.get(name, "")
 
 
 def _words(label: str) -> str:

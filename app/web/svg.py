@@ -165,10 +165,10 @@ def line_chart(
     return Markup("".join(parts))  # noqa: S704  every text above is escaped
 
 
-def _frame(title: str, x_axis: Axis, y_axis: Axis, width: float, height: float, role: str = "img") -> str:
+def _frame(title: str, x_axis: Axis, y_axis: Axis, width: float, height: float) -> str:
     middle = TOP + (height - TOP - BOTTOM) / 2
     return (
-        f'<svg class="chart" viewBox="0 0 {width:.0f} {height:.0f}" role="{role}" aria-label="{escape(title)}">'
+        f'<svg class="chart" viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{escape(title)}">'
         f'<text x="{LEFT + (width - LEFT - RIGHT) / 2:.1f}" y="{height - 6:.1f}" text-anchor="middle">'
         f"{escape(x_axis.label)}</text>"
         f'<text transform="translate(13 {middle:.1f}) rotate(-90)" text-anchor="middle">{escape(y_axis.label)}</text>'
@@ -283,57 +283,6 @@ def _sector(centre: float, inner: float, outer: float, a: float, b: float) -> st
         f"M{at(inner, a)}L{at(outer, a)}A{outer:.1f} {outer:.1f} 0 0 1 {at(outer, b)}"
         f"L{at(inner, b)}A{inner:.1f} {inner:.1f} 0 0 0 {at(inner, a)}Z"
     )
-
-
-@dataclass(frozen=True)
-class Point:
-    """One place on a map of cases: position, label, origin and where a click leads."""
-
-    x: float
-    y: float
-    label: str
-    origin: str
-    href: str
-    text: str
-
-
-def map_chart(
-    title: str,
-    points: Sequence[Point],
-    query: Point | None = None,
-    axes: tuple[str, str] = ("", ""),
-    *,
-    width: float = 720.0,
-    height: float = 460.0,
-) -> Markup:
-    """Draw cases as shapes by label (circle, diamond, triangle, square), hollow where simulated, and the query."""
-    everything = [*points, *([query] if query else [])]
-    x0, x1 = _limits([np.array([p.x for p in everything])], None)
-    y0, y1 = _limits([np.array([p.y for p in everything])], None)
-    edge = 12.0
-    wide, high = width - LEFT - RIGHT - 2 * edge, height - TOP - BOTTOM - 2 * edge
-
-    def px(x: float) -> float:
-        return LEFT + edge + (x - x0) / (x1 - x0) * wide
-
-    def py(y: float) -> float:
-        return TOP + edge + (1 - (y - y0) / (y1 - y0)) * high
-
-    parts = [_frame(title, Axis(axes[0]), Axis(axes[1]), width, height, role="group")]
-    parts += _marks(ticks(x0, x1, 8), px, ticks(y0, y1, 7), py, width, height)
-    parts.append(f'<path class="axis" d="M{LEFT} {TOP}V{height - BOTTOM}H{width - RIGHT}"/>')
-    for point in points:
-        outline = shape_path(point.label, px(point.x), py(point.y), 5.0)
-        parts.append(
-            f'<a href="{escape(point.href)}"><title>{escape(point.text)}</title>'
-            f'<path class="point {shape_name(point.label)} {escape(point.origin)}" d="{outline}"/></a>'
-        )
-    if query is not None:
-        x, y = px(query.x), py(query.y)
-        parts.append(
-            f'<circle class="point query" cx="{x:.1f}" cy="{y:.1f}" r="7"><title>{escape(query.text)}</title></circle>'
-        )
-    return Markup("".join([*parts, "</svg>"]))  # noqa: S704  every text above is escaped
 
 
 def shape_name(label: str) -> str:

@@ -12,11 +12,9 @@ from app.commands.diagnose import is_fault
 from app.web.charts import envelope
 from app.web.diagnosis_view import facts_of
 from app.web.evidence import evidence_of
-from app.web.map import projected
 from app.web.svg import Axis, Series, line_chart
 from app.web.templating import percent
 from app.web.words import CHECKS, verdict_of
-from casebase.case_table import CaseTable
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.differing import Differing
 
@@ -137,17 +135,3 @@ def test_line_is_broken_where_nothing_was_measured() -> None:
     drawn = line_chart("t", [series], Axis("x"), Axis("y"))
     path = drawn.split('class="series s1" d="')[1].split('"')[0]
     assert path.count("M") == 2
-
-
-def test_a_case_lies_on_the_map_where_its_features_put_it() -> None:
-    """Putting a recording with the features of a case among the cases finds the place of that case."""
-    values = np.random.default_rng(1).standard_normal((30, 12)) * np.logspace(-2, 2, 12)
-    words = np.array([f"{row}" for row in range(30)])
-    names = tuple(f"feature_{number}" for number in range(12))
-    table = CaseTable(1, "1", names, words, words, words, words, words, words, values.astype(np.float32))
-    projection = projected(table)
-    assert projection is not None
-    for row in range(len(table)):
-        point = projection.place(dict(zip(table.names, table.values[row].tolist(), strict=True)))
-        assert (point.x, point.y) == pytest.approx(tuple(projection.places[row]), abs=1e-4)
-    assert 0 < projection.shares[1] <= projection.shares[0] < 1

@@ -4,7 +4,7 @@ import json
 from shlex import quote
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Form, Query, Request
+from fastapi import APIRouter, Form, Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import select
 
@@ -124,15 +124,14 @@ def one(
     principal: Visitor,
     diagnosis_id: str,
     axis: Literal["hz", "orders"] = "hz",
-    overlay: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
     """One diagnosis with all that speaks for it."""
     demo = demo_ids(session)
     is_demo = demo is not None and demo[0] == diagnosis_id
-    if principal is None and (overlay or not is_demo):
+    if principal is None and not is_demo:
         raise SignInNeeded(below_root(request))
     row = get_diagnosis(session, diagnosis_id)
-    return shown(request, session, service, principal, row, demo=is_demo, orders=axis == "orders", overlay=overlay)
+    return shown(request, session, service, principal, row, demo=is_demo, orders=axis == "orders")
 
 
 def shown(
@@ -144,10 +143,8 @@ def shown(
     *,
     demo: bool = False,
     orders: bool = False,
-    overlay: str = "",
 ) -> Response:
-    """Return the page of a diagnosis, a case laid over its plots if asked for."""
-    case = service.library.retrieve.case(session, overlay) if overlay else None
+    """Return the page of a diagnosis."""
     metadata = {
         name: getattr(row.recording, name)
         for name in ("axis", "gearbox", "speed_rad_s", "payload_kg_m2")
@@ -161,9 +158,9 @@ def shown(
         f"  {base}/api/v1/diagnoses\n\n"
         f'curl -H "Authorization: Bearer $GEARCASE_KEY" {base}/api/v1/diagnoses/{row.id}'
     )
-    context = view_of(session, service, row, orders=orders, overlay=case).context()
+    context = view_of(session, service, row, orders=orders).context()
     labels = choices(label for label, _ in counts_of(service.library, session))
-    context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels, "overlay": case}
+    context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels}
     kept = session.scalars(select(Case).where(Case.diagnosis_id == row.id).order_by(Case.id)).all()
     context["kept"] = [case for case in kept if not is_undone(session, case)]
     context["investigations"] = [

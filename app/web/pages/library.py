@@ -1,4 +1,4 @@
-"""The library: cases in a table and on a map, coverage, one case with its history, several edited together."""
+"""The library: cases in a table, coverage, one case with its history, several edited together."""
 
 import json
 from collections import Counter
@@ -19,16 +19,13 @@ from app.service import Reading, Service, TheService
 from app.uploads import TheUpload
 from app.web.counted import counted, counts_of
 from app.web.features import features_of
-from app.web.label_table import damage_of, mechanism_rows, other_rows
-from app.web.labels import VERIFICATIONS, LabelQuestion, choices
+from app.web.labels import VERIFICATIONS, LabelQuestion, choices, damage_of
 from app.web.labels import chosen as chosen_label
-from app.web.map import projected
 from app.web.pages.diagnoses import number, said_how, told
 from app.web.pages.queue import ask, number_of
 from app.web.recorded import chart_of
 from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.steps import told as told_step
-from app.web.svg import map_chart
 from app.web.templating import Message, render, sentence
 from app.web.waiting import of_library, waiting_page
 from casebase.axes import find_axis, is_axis, unknown_axis
@@ -189,35 +186,6 @@ def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheS
         labelling = metadata.labelling()
         case_id = service.library.retain.case(session, row, labelling).id
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/cases/{case_id}?kept=1", status_code=303)
-
-
-@router.get("/library/map")
-def library_map(
-    request: Request, session: Reading, service: TheService, principal: PageViewer, recording: str = ""
-) -> Response:
-    """Every case as a point, alike ones near each other, with one recording among them if asked for."""
-    asked = service.library.retrieve.recording(session, recording) if recording else None
-    library = service.library
-    projection = counted(library, session, "map", lambda: projected(library.retrieve.table(session)))
-    root = service.settings.root_path.rstrip("/")
-    points = projection.points(root) if projection else []
-    query = projection.place(features_of(session, recording)) if projection and recording else None
-    context = {
-        "chart": map_chart("Map of the library", points, query, projection.titles) if projection else None,
-        "count": len(points),
-        "all": len(projection.table) if projection else 0,
-        "labels": projection.table.classes if projection else (),
-        "query": asked,
-    }
-    return render(request, "map.html", context, principal=principal, section=SECTION)
-
-
-@router.get("/library/labels")
-def label_list(request: Request, session: Reading, service: TheService, principal: PageViewer) -> Response:
-    """Mechanisms and labels beside each other, with the names of ISO 10825-1."""
-    counts = counts_of(service.library, session)
-    context = {"mechanisms": mechanism_rows(counts), "others": other_rows(counts)}
-    return render(request, "labels.html", context, principal=principal, section=SECTION)
 
 
 @router.get("/library/coverage")

@@ -15,7 +15,6 @@ from app.intake import DEMO
 from app.security import Role
 from app.service import Reading, TheService
 from app.web import charts
-from app.web.overlay import laid_over
 from app.web.recorded import PlotName, chart_of, spectrogram_png
 from app.web.session import FromOurPage, PageAdmin, SignInNeeded, Visitor, below_root
 from casebase import erasing
@@ -64,17 +63,11 @@ def plot(
     recording_id: str,
     name: PlotName,
     points: Annotated[int, Query(ge=100, le=400_000)] = charts.SHOWN_POINTS,
-    overlay: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
-    """Numbers of one plot, for the interactive drawing, with a case laid over it if asked for."""
+    """Numbers of one plot, for the interactive drawing."""
     allowed(session, principal, request, recording_id)
-    if overlay and principal is None:
-        raise SignInNeeded(below_root(request))
     row = service.library.retrieve.recording(session, recording_id)
-    chart = chart_of(name, session, service, row, points)
-    if overlay:
-        chart = laid_over(chart, name, session, service, row, service.library.retrieve.case(session, overlay))
-    return JSONResponse(chart.document(), headers=api.UNTIL_ERASED)
+    return JSONResponse(chart_of(name, session, service, row, points).document(), headers=api.UNTIL_ERASED)
 
 
 @router.get("/sound")
