@@ -10,7 +10,7 @@ from benchmarks.solve_ivp_axis import RATIO, Case, SolveIvpAxis
 from sim.rotational.components import ElastoBacklash, Inertia, LossyGear, Sine, Torque
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import Trajectory
-from sim.solver import simulate, stream
+from sim.solver import simulate
 
 SECONDS, RATE_HZ = 30.0, 8000.0
 CASES = {
@@ -90,11 +90,7 @@ def _scaling(case: Case) -> list[Row]:
     calls = {f"{seconds:g} s": (lambda s=seconds: simulate(train, s, RATE_HZ)) for seconds in (15.0, 30.0, 60.0, 120.0)}
     best = best_seconds(calls, rounds=7)
     base = best["30 s"] / 30.0
-    rows = [
+    return [
         Row(f"  duration {name}", seconds, seconds / (float(name[:-2]) * base), "time per simulated second of 30 s")
         for name, seconds in best.items()
     ]
-    begin = time.perf_counter()
-    samples = sum(len(piece.time_s) for piece in stream(train, 600.0, RATE_HZ))
-    seconds = time.perf_counter() - begin
-    return [*rows, Row("  600 s in pieces of 30 s", seconds, note=f"{samples} samples, memory of one piece")]

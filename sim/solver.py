@@ -1,7 +1,7 @@
 """`simulate`: one call for every drive train; it picks the engine, and the result names it."""
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cached_property, partial
 from threading import Lock
 from typing import Literal
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim.errors import CompositionError, ParameterError, RunError, number
 from sim.piecewise_affine.channels import channel_names, channel_units
-from sim.piecewise_affine.engine import Block, ExactEngine, component_events
+from sim.piecewise_affine.engine import ExactEngine, Run, component_events
 from sim.piecewise_affine.system import Array, System
 from sim.residual import Residual, check_finite, instants
 from sim.rotational.drive_train import DriveTrain
@@ -66,26 +66,7 @@ def simulate(
         return simulate_chain(drive_train, duration_s, sample_rate_hz, watch)
     exact = _engine(drive_train, sample_rate_hz)
     _check_memory(samples, exact.system.state_width, duration_s)
-    return _trajectory(exact, next(exact.run(samples, samples)), sample_rate_hz)
-
-
-def stream(
-    drive_train: DriveTrain, duration_s: float, sample_rate_hz: float = 8000.0, *, block_s: float = 30.0
-) -> Iterator[Trajectory]:
-    """Simulate with the exact engine and yield consecutive pieces of about `block_s` seconds, in bounded memory.
-
-    Raises
-    ------
-    ParameterError, RunError
-        as `simulate` does, with the first piece.
-    """
-    samples = _samples(duration_s, sample_rate_hz)
-    number("block_s", block_s, "s", above=0)
-    if _pick(drive_train, "exact") != "exact":
-        raise RunError("only the exact engine streams")
-    exact = _engine(drive_train, sample_rate_hz)
-    for block in exact.run(samples, max(1, round(block_s * sample_rate_hz))):
-        yield _trajectory(exact, block, sample_rate_hz)
+    return _trajectory(exact, exact.run(samples), sample_rate_hz)
 
 
 def _samples(duration_s: float, sample_rate_hz: float) -> int:
@@ -99,7 +80,7 @@ def _check_memory(samples: int, width: int, duration_s: float) -> None:
         longest = MEMORY_LIMIT_BYTES / (8 * width) * duration_s / samples
         raise RunError(
             f"duration_s: {duration_s:g} s at this rate needs {samples * width * 8 / 1e9:.1f} GB; at most "
-            f"{longest:.0f} s fit at once, or use stream() for pieces"
+            f"{longest:.0f} s fit at once"
         )
 
 
@@ -128,28 +109,27 @@ def _engine(drive_train: DriveTrain, sample_rate_hz: float) -> ExactEngine:
         return engine
 
 
-def _trajectory(engine: ExactEngine, block: Block, sample_rate_hz: float) -> Trajectory:
-    time = np.arange(block.first, block.first + len(block.states), dtype=np.float64)
-    time /= sample_rate_hz
-    events = tuple(component_events(engine, block))
-    reader = _Reader(engine, block, time)
-    residual = _verify(engine, block, time)
+def _trajectory(engine: ExactEngine, run: Run, sample_rate_hz: float) -> Trajectory:
+    time = np.arange(len(run.states)) / sample_rate_hz
+    events = tuple(component_events(engine, run))
+    reader = _Reader(engine, run, time)
+    residual = _verify(engine, run, time)
     return Trajectory(time, Channels(reader.sources), reader.units, events, "exact", residual)
 
 
-def _verify(engine: ExactEngine, block: Block, time: Array) -> Residual:
-    """Look at a block; raise RunError where it does not obey its equations."""
+def _verify(engine: ExactEngine, run: Run, time: Array) -> Residual:
+    """Look at a run; raise RunError where it does not obey its equations."""
     verifier = engine.verifier
-    check_finite(time, block.states, verifier.coordinate)
+    check_finite(time, run.states, verifier.coordinate)
     at = instants(len(time))
-    x = engine.system.states(time[at], block.states[at])
+    x = engine.system.states(time[at], run.states[at])
     following = np.minimum(at + 1, len(time) - 1)
-    quiet = (block.modes[following] == block.modes[at]) & (following > at)
+    quiet = (run.modes[following] == run.modes[at]) & (following > at)
     knots = [signal.breakpoints(time[0], time[-1]) for signal in engine.system.signals]
-    stops = np.sort(np.concatenate([*knots, block.change_times]))
+    stops = np.sort(np.concatenate([*knots, run.change_times]))
     quiet &= np.searchsorted(stops, time[at] - 1e-9) == np.searchsorted(stops, time[following] + 1e-9)
     motion = verifier.motion(time[at], x)
-    found = verifier.laws(engine.modes, block.modes[at], time[at], x, block.states[following], quiet)
+    found = verifier.laws(engine.modes, run.modes[at], time[at], x, run.states[following], quiet)
     equations, limits, flow, energy = found
     return Residual(equations, limits, motion, flow, energy)
 
@@ -157,9 +137,9 @@ def _verify(engine: ExactEngine, block: Block, time: Array) -> Residual:
 class _Reader:
     """Turns states and modes into named channels, each when it is asked for."""
 
-    def __init__(self, engine: ExactEngine, block: Block, time_s: Array) -> None:
-        self._engine, self._moving, self._modes, self._time = engine, block.states, block.modes, time_s
-        self._solves = {i: engine.modes[i].solve for i in block.visited}
+    def __init__(self, engine: ExactEngine, run: Run, time_s: Array) -> None:
+        self._engine, self._moving, self._modes, self._time = engine, run.states, run.modes, time_s
+        self._solves = {i: engine.modes[i].solve for i in run.visited}
         system = engine.system
         self.units = channel_units(system)
         self.sources: dict[str, Callable[[], Array]] = {

@@ -40,13 +40,12 @@ LOG_ROWS = 4096
 
 
 @dataclass
-class Block:
-    """Consecutive samples: angles and speeds, shape (n, 2 freedom), the number of the mode of each; mode changes.
+class Run:
+    """Samples: angles and speeds, shape (n, 2 freedom), the number of the mode of each; mode changes.
 
     A change is (time, old mode, new mode); the old mode -1 - i means component i at rest before the start.
     """
 
-    first: int
     states: Array
     modes: NDArray[np.int32]
     change_times: Array
@@ -54,7 +53,7 @@ class Block:
 
     @property
     def visited(self) -> set[int]:
-        """Numbers of all modes of the block."""
+        """Numbers of all modes of the run."""
         return {int(self.modes[0]), *self.changes[self.changes[:, 0] >= 0, 1].tolist()}
 
 
@@ -205,8 +204,8 @@ class ExactEngine:
 
     # ---- running ----------------------------------------------------------------------------------------------
 
-    def run(self, samples: int, block: int) -> Iterator[Block]:
-        """Yield the samples 0 .. samples - 1 in blocks.
+    def run(self, samples: int) -> Run:
+        """Return the samples 0 .. samples - 1.
 
         Raises
         ------
@@ -217,30 +216,20 @@ class ExactEngine:
             self._begun = self.begin(self.system.start())
         mode, x, away = self._begun
         x = x.copy()
-        scale = sizes(self.system, x)
-        times, changes = [0.0] * len(away), [[-1 - i, to] for i, to in away]
-        done = 0
-        while done < samples:
-            count = min(block, samples - done)
-            states, modes = np.empty((count, 2 * self.system.freedom)), np.empty(count, np.int32)
-            if done == 0:
-                states[0], modes[0] = x[: states.shape[1]], mode
-            begun = 1 if done == 0 else 0
-            mode, when, what = self._advance(x, scale, mode, done + begun - 1, states[begun:], modes[begun:])
-            when = np.concatenate([times, when])
-            what = np.concatenate([np.array(changes, np.int64).reshape(-1, 2), what])
-            yield Block(done, states, modes, when, what)
-            times, changes = [], []
-            done += count
+        states, modes = np.empty((samples, 2 * self.system.freedom)), np.empty(samples, np.int32)
+        states[0], modes[0] = x[: states.shape[1]], mode
+        when, what = self._advance(x, sizes(self.system, x), mode, states[1:], modes[1:])
+        begun = np.array([[-1 - i, to] for i, to in away], np.int64).reshape(-1, 2)
+        return Run(states, modes, np.concatenate([np.zeros(len(away)), when]), np.concatenate([begun, what]))
 
     def _advance(
-        self, x: Array, scale: Array, mode: int, begin: int, out: Array, modes: NDArray[np.int32]
-    ) -> tuple[int, Array, NDArray[np.int64]]:
-        """Fill the samples after sample `begin`, x being its state; return the last mode and all changes."""
+        self, x: Array, scale: Array, mode: int, out: Array, modes: NDArray[np.int32]
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Fill the samples after the first, x being its state; return all changes of mode."""
         from sim.piecewise_affine import kernel
 
         count = len(out)
-        where, offsets, values = self._stops(begin, count)
+        where, offsets, values = self._stops(count)
         state = np.array([0, mode, 0, 0, -1, 0, 0], np.int64)
         clock = np.zeros(1)
         times, changes = [], []
@@ -254,14 +243,14 @@ class ExactEngine:
             )  # fmt: skip
             logged = int(state[kernel.LOGGED])
             if logged:
-                times.append((begin + log_where[:logged, 0]) * self.h + log_where[:logged, 1])
+                times.append(log_where[:logged, 0] * self.h + log_where[:logged, 1])
                 changes.append(log_modes[:logged].copy())
             state[kernel.LOGGED] = 0
             if status == kernel.DONE:
                 when = np.concatenate(times) if times else np.empty(0)
                 what = np.concatenate(changes) if changes else np.empty((0, 2), np.int64)
-                return int(state[kernel.MODE]), when, what
-            now = (begin + state[kernel.SAMPLE]) * self.h + clock[0]
+                return when, what
+            now = state[kernel.SAMPLE] * self.h + clock[0]
             if status == kernel.STORM:
                 key = self.modes[int(state[kernel.MODE])].key
                 raise RunError(f"events storm at {now:.9g} s: {describe_modes(self.system, key)}")
@@ -272,16 +261,15 @@ class ExactEngine:
                         f"no mode continues at {now:.9g} s after {describe_modes(self.system, self.modes[old].key)}"
                     )
 
-    def _stops(self, begin: int, count: int) -> tuple[NDArray[np.int64], Array, Array]:
-        """Instants of a block at which pieces of signals begin anew: interval, offset in it [s], values."""
-        t0, t1 = begin * self.h, (begin + count) * self.h
-        times = [signal.breakpoints(t0 - self.h, t1 + self.h) for signal in self.system.signals]
+    def _stops(self, count: int) -> tuple[NDArray[np.int64], Array, Array]:
+        """Instants at which pieces of signals begin anew: interval, offset in it [s], values."""
+        times = [signal.breakpoints(-self.h, (count + 1) * self.h) for signal in self.system.signals]
         knots = np.unique(np.concatenate(times)) if times else np.empty(0)
         position = knots / self.h
         whole = np.rint(position)
         on_grid = np.abs(position - whole) < 1e-9
-        interval = np.where(on_grid, whole - 1, np.floor(position)).astype(np.int64) - begin
-        offset = np.where(on_grid, self.h, knots - (interval + begin) * self.h)
+        interval = np.where(on_grid, whole - 1, np.floor(position)).astype(np.int64)
+        offset = np.where(on_grid, self.h, knots - interval * self.h)
         inside = (interval >= 0) & (interval < count)
         interval, offset, knots = interval[inside], offset[inside], knots[inside]
         if self.system.signals:
@@ -289,16 +277,16 @@ class ExactEngine:
             seeds = np.setdiff1d(seeds, interval[offset == self.h])
             interval = np.concatenate([interval, seeds])
             offset = np.concatenate([offset, np.full(len(seeds), self.h)])
-            knots = np.concatenate([knots, (begin + seeds + 1) * self.h])
+            knots = np.concatenate([knots, (seeds + 1) * self.h])
             order = np.lexsort((offset, interval))
             interval, offset, knots = interval[order], offset[order], knots[order]
         return interval, offset, self.system.signal_values(knots)
 
 
-def component_events(engine: ExactEngine, block: Block) -> Iterator[Event]:
+def component_events(engine: ExactEngine, run: Run) -> Iterator[Event]:
     """Translate changes of the train's mode into changes of its components' modes."""
     known: dict[tuple[int, int], list[Change]] = {}
-    for time, pair in zip(block.change_times.tolist(), map(tuple, block.changes.tolist()), strict=True):
+    for time, pair in zip(run.change_times.tolist(), map(tuple, run.changes.tolist()), strict=True):
         if pair not in known:
             old, new = pair
             if old < 0:

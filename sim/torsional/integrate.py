@@ -79,7 +79,9 @@ def run_chain(
         if count <= len(log):
             break
         log = np.empty((count, 5))
-    result = ChainResult(sample_rate_hz, angle, speed, acceleration, force, torque, count, unresolved, log[:count])
+    if unresolved:
+        raise RunError(f"events storm in {unresolved} steps; is a stiffness, a damping or a gap out of all proportion?")
+    result = ChainResult(sample_rate_hz, angle, speed, acceleration, force, torque, log[:count])
     return replace(result, residual=_check(p, q, given, grid, result, names))
 
 

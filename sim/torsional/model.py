@@ -136,19 +136,11 @@ Drive = Torque | Servo
 
 
 @dataclass(frozen=True)
-class ChainEvent:
-    """`what` is contact, stick, hysteresis or side (who drives a lossy mesh); `index` the link, for stick the shaft."""
-
-    time_s: float
-    what: str
-    index: int
-    before: int
-    after: int
-
-
-@dataclass(frozen=True)
 class ChainResult:
-    """Columns are shafts or, of the force, links (torque on the driven shaft)."""
+    """Columns are shafts or, of the force, links (torque on the driven shaft).
+
+    Rows of the log: time [s]; 0 contact, 1 stick, 2 direction of hysteresis, 3 who drives; link or shaft; from; to.
+    """
 
     sample_rate_hz: float
     angle_rad: Array
@@ -156,20 +148,12 @@ class ChainResult:
     acceleration_rad_s2: Array
     force_n_m: Array
     motor_torque_n_m: Array
-    event_count: int
-    unresolved: int
     log: Array = field(repr=False)
     residual: Residual = field(default_factory=Residual)
 
     @property
     def time_s(self) -> Array:
         return np.arange(self.motor_torque_n_m.size) / self.sample_rate_hz
-
-    @property
-    def events(self) -> tuple[ChainEvent, ...]:
-        """In order of time; at most the first 20,000 of `event_count`."""
-        names = ("contact", "stick", "hysteresis", "side")
-        return tuple(ChainEvent(row[0], names[int(row[1])], *map(int, row[2:5])) for row in self.log)
 
 
 def with_loss(efficiency: tuple[float, float], fraction: float) -> tuple[float, float]:

@@ -20,6 +20,6 @@ class Weights:
     cap: float
 
 
-# `python -m tests.hidden_effects.calibrate` printed this line for an earlier selection: 35 of the 36 names given in its
+# `python -m benchmarks.hidden_effects.calibrate` printed this for an earlier selection: 35 of the 36 names given in its
 # 70 scenarios were right. Kept, since names are right less often on unseen seeds than on those.
 WEIGHTS = Weights(bias=3.23, slope=0.81, left=2.0, overdispersion=2.17, cap=0.95)

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.shared_data import SHARED
 from casebase.signals.telemetry import Telemetry, read_telemetry
 from sim.description.axis_document import read_axis
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.results import Investigation
-from tests.shared_data import SHARED, shared
+from tests.shared_data import shared
 
 Columns = dict[str, np.ndarray]
 LOGS = {  # description, log, channel map

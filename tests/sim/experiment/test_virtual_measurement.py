@@ -1,14 +1,11 @@
 """A simulated measurement: what a drive and a microphone would give, the same for the same seed."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.signal import butter, find_peaks, sosfiltfilt
 
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
-from sim.errors import ParameterError, SimulationError
-from sim.experiment.batch import simulate_many
+from sim.errors import SimulationError
 from sim.experiment.virtual_measurement import TELEMETRY_RATE_HZ, Measurement, measure
 from sim.mechanisms import Backlash, BearingDefect, ToothDamage, TorqueOffset
 from sim.mechanisms.catalogue import with_mechanism
@@ -105,21 +102,6 @@ def test_a_bearing_is_heard_at_its_order(normal: Measurement) -> None:
     turns = 2.5 * 99.0 / (2 * np.pi)
     harmonic = frequency / (5.3 * turns)
     assert harmonic == pytest.approx(round(harmonic), abs=0.03)
-
-
-def test_a_batch_is_the_same_with_any_number_of_workers() -> None:
-    axes = [replace(axis(), load=replace(axis().load, inertia_kg_m2=20.0 + 5.0 * i)) for i in range(5)]
-    one = list(simulate_many(axes, 1.0, seed=7, workers=1))
-    three = list(simulate_many(axes, 1.0, seed=7, workers=3))
-    assert [each.sound.tobytes() for each in one] == [each.sound.tobytes() for each in three]
-    assert len({each.sound.tobytes() for each in one}) == 5
-
-
-def test_a_batch_that_meets_a_wrong_axis_says_so() -> None:
-    broken = replace(axis(), stages=(replace(axis().stages[0], backlash_rad=0.5), axis().stages[1]))
-    results = simulate_many([axis(), broken], -1.0, workers=2)
-    with pytest.raises(ParameterError, match="duration_s: must be > 0"):
-        next(results)
 
 
 @pytest.mark.parametrize("duration", [0.0, -1.0, 1e9, float("nan"), float("inf")])

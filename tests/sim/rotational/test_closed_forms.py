@@ -26,7 +26,7 @@ from sim.rotational.components import (
     Torque,
 )
 from sim.rotational.drive_train import DriveTrain
-from sim.solver import simulate, stream
+from sim.solver import simulate
 
 
 @pytest.mark.parametrize("peak", [1.0, 1.3])
@@ -160,19 +160,6 @@ def test_filtered_speed_approaches_its_reference() -> None:
     result = simulate(train, 1.0, 1000.0)
     expected = np.where(result.time_s < 0.1, 0.0, 2 * (1 - np.exp(-10 * math.pi * np.maximum(result.time_s - 0.1, 0))))
     np.testing.assert_allclose(result["shaft.w"], expected, atol=1e-12)
-
-
-def test_pieces_of_a_stream_are_the_whole() -> None:
-    train = DriveTrain.series(
-        torque=Torque(Sine(12.0, 0.7)),
-        motor=Inertia(J=0.6),
-        mesh=ElastoBacklash(c=1e5, b=1e-3, d=200),
-        load=Inertia(J=20),
-    )
-    whole = simulate(train, 3.0, 1000.0)
-    pieces = list(stream(train, 3.0, 1000.0, block_s=0.77))
-    np.testing.assert_allclose(np.concatenate([piece["load.w"] for piece in pieces]), whole["load.w"], atol=1e-12)
-    assert [e[1:] for piece in pieces for e in piece.events] == [e[1:] for e in whole.events]
 
 
 def test_a_damped_gap_comes_to_rest() -> None:

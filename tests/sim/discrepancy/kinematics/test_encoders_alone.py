@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.real_drives.drives import drives
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis, MechanismEntry
 from sim.description.axis_document import read_axis
@@ -15,7 +16,6 @@ from sim.discrepancy.report.html import html_report
 from sim.discrepancy.report.summary import story
 from sim.discrepancy.results import Finding, Investigation
 from sim.experiment.virtual_measurement import measure
-from tests.real_drives.drives import drives
 from tests.shared_data import shared
 from tests.sim import axes
 from tests.sim.discrepancy.kinematics.encoder_logs import RATIO, axis, log, strokes
