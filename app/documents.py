@@ -264,8 +264,7 @@ class CaseChange(Question):
 
     label: Label | MISSING = Field(MISSING, description="what the recording is a case of")
     state: Literal["proposed", "confirmed", "retired"] | MISSING = Field(
-        MISSING,
-        description="only confirmed ones count; GEARCASE_TWO_PEOPLE: set by another admin",
+        MISSING, description="only confirmed ones count"
     )
     verified_by: Verification | MISSING | None = Field(MISSING, description="how the label was verified")
     verification: Verified | MISSING | None = Field(MISSING, description="the same in one word")

@@ -48,7 +48,7 @@ class Service:
         """Open the library, made or upgraded where needed."""
         return cls(
             settings,
-            CaseLibrary.open(settings.data_dir, settings.database_url, two_people=settings.two_people),
+            CaseLibrary.open(settings.data_dir, settings.database_url),
             metrics,
         )
 

@@ -41,9 +41,6 @@ class Settings(BaseSettings):
     root_path: str = Field("", description="path under which a proxy serves us, e.g. /gearcase")
     cookie_secure: bool = Field(False, description="send the sign-in cookie over HTTPS only")
 
-    two_people: bool = Field(
-        False, description="a case that a person keeps or labels is searched once another admin has released it"
-    )
     accept_lossy: bool = Field(True, description="take sound that was stored with loss (MP3, AAC, Opus), and flag it")
 
     upload_bytes: PositiveInt = Field(200 * MEBIBYTE, description="an upload, whole, where a route takes uploads")

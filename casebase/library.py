@@ -32,7 +32,7 @@ class CaseLibrary:
     together or not at all.
     """
 
-    def __init__(self, engine: Engine, data_dir: Path, *, two_people: bool = False) -> None:
+    def __init__(self, engine: Engine, data_dir: Path) -> None:
         self.engine = engine
         self.data_dir = data_dir
         self.audio = AudioStore(data_dir / "audio")
@@ -42,14 +42,13 @@ class CaseLibrary:
         """Of the worker that this library is opened by: nothing is written once it has ended."""
         self.retrieve = Retrieve(self.audio, data_dir / TABLES)
         self.reuse = Reuse(self.retrieve)
-        self.revise = Revise(self.retrieve, two_people=two_people)
-        self.retain = Retain(self.audio, two_people=two_people)
+        self.revise = Revise(self.retrieve)
+        self.retain = Retain(self.audio)
 
     @classmethod
-    def open(cls, data_dir: Path, url: str | None = None, *, two_people: bool = False) -> "CaseLibrary":
+    def open(cls, data_dir: Path, url: str | None = None) -> "CaseLibrary":
         """Open, and create or upgrade where needed; SQLite in the data folder unless a URL is given.
 
-        `two_people`: a case that a person keeps or labels is proposed, until another one releases it.
         Folder and files belong to their owner alone, as does whatever this process writes from then on.
         """
         os.umask(0o077)
@@ -57,7 +56,7 @@ class CaseLibrary:
         make_private(data_dir)
         engine = create_engine_for(url or sqlite_url(data_dir / "gearcase.db"))
         upgrade_database(engine)
-        return cls(engine, data_dir, two_people=two_people)
+        return cls(engine, data_dir)
 
     @contextmanager
     def transaction(self, actor: str, request_id: str | None = None) -> Iterator[Session]:

@@ -61,9 +61,7 @@ class Frame:
         """The local library, made or upgraded where needed."""
         from casebase.library import CaseLibrary
 
-        library = CaseLibrary.open(
-            self.settings.data_dir, self.settings.database_url, two_people=self.settings.two_people
-        )
+        library = CaseLibrary.open(self.settings.data_dir, self.settings.database_url)
         try:
             yield library
         finally:

@@ -48,8 +48,7 @@ def described(session: Session, entries: Sequence[AuditEntry]) -> Told:
         path = f"/diagnoses/{revised.subject_id}"
     if kept is not None:
         case = session.get(Case, kept)
-        waits = " that another admin has to release" if case and case.state == "proposed" else ""
-        words.append(f"kept as a case of the library{waits}" if revised else f"A case was kept{waits}")
+        words.append("kept as a case of the library" if revised else "A case was kept")
         if revised is None:
             path = f"/diagnoses/{case.diagnosis_id}" if case and case.diagnosis_id else f"/cases/{kept}"
     if changed:

@@ -26,9 +26,8 @@ RETAINED, TAKEN_BACK = "case.retained", "case.taken_back"
 class Retain:
     """Adds to the library."""
 
-    def __init__(self, audio: AudioStore, *, two_people: bool = False) -> None:
+    def __init__(self, audio: AudioStore) -> None:
         self._audio = audio
-        self._two_people = two_people
 
     def recording(
         self,
@@ -58,16 +57,13 @@ class Retain:
     ) -> Case:
         """Make a case of a recording. The same sound with the same label and gearbox is the case that is there.
 
-        A simulated sound makes a simulated case, whoever brings it. Where two people are wanted, the case of a measured
-        one is proposed, and the other one releases it; what has a key was released where it comes from.
+        A simulated sound makes a simulated case, whoever brings it.
 
         Raises:
             DuplicateError: if the sound is a case already with another label or gearbox, or a retired one.
         """
         if origin_of(session, recording) == SIMULATED:
             labelling = replace(labelling, origin=SIMULATED)
-        elif self._two_people and labelling.key is None and labelling.state == "confirmed":
-            labelling = replace(labelling, state="proposed")
         twins = cases_of(session, recording.sound_id)
         undone = [case for case in twins if is_undone(session, case)]
         existing = _existing(session, recording, labelling, [case for case in twins if case not in undone])

@@ -29,9 +29,8 @@ CHANGED = "case.revised"
 class Revise:
     """Changes cases that are there."""
 
-    def __init__(self, retrieve: Retrieve, *, two_people: bool = False) -> None:
+    def __init__(self, retrieve: Retrieve) -> None:
         self._retrieve = retrieve
-        self._two_people = two_people
 
     def case(
         self,
@@ -40,14 +39,10 @@ class Revise:
         changes: Mapping[str, object],
         *,
         expected_version: int | None = None,
-        renamed: bool = False,
     ) -> Case:
         """Change label, verification, note, mechanism, location, severity, quarantine or state.
 
-        Where two people are wanted, a case with another label is proposed anew, unless the label itself was `renamed`.
-
         Raises:
-            ConflictError: if whoever labelled it would release it, where two people are wanted.
             StaleVersionError: if the case is not at the expected version.
             InvalidRequestError: if a field cannot be changed or its value is none of its values.
         """
@@ -65,8 +60,6 @@ class Revise:
             raise StaleVersionError(
                 f"case {case_id} is at version {case.version}, not {expected_version}; read it again"
             )
-        if self._two_people:
-            changes = self._by_two(session, case, changes, renamed=renamed)
         before = {name: getattr(case, name) for name in changes if getattr(case, name) != changes[name]}
         if before:
             case.library_version = count_change(session)
@@ -77,23 +70,6 @@ class Revise:
             after = {name: changes[name] for name in before}
             audit.record(session, CHANGED, ("case", case.id), before=before, after=after)
         return case
-
-    def may_release(self, case: Case, actor: str) -> bool:
-        """Whether it may be searched by this person's word: where two people are wanted, not by who labelled it."""
-        return not self._two_people or case.labelled_by != actor
-
-    def _by_two(
-        self, session: Session, case: Case, changes: Mapping[str, object], *, renamed: bool
-    ) -> Mapping[str, object]:
-        """Return the changes as they are made where nobody's label is searched by his word alone."""
-        actor = audit.actor_of(session)
-        if changes.get("label", case.label) != case.label and not renamed:
-            state = "retired" if "retired" in (case.state, changes.get("state")) else "proposed"
-            return {**changes, "state": state, "labelled_by": actor}
-        released = case.state != "confirmed" and changes.get("state") == "confirmed"
-        if released and not self.may_release(case, actor):
-            raise ConflictError(f"case {case.id} was labelled by you, so another admin has to release it")
-        return changes
 
     def retire(self, session: Session, case_id: str, *, expected_version: int | None = None) -> Case:
         """Take a case out of every search; it stays readable and can come back."""

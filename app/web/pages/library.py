@@ -142,7 +142,7 @@ def rename(
     name = step_name()
     with service.library.transaction(principal.actor, name) as session:
         for one in session.scalars(select(Case.id).where(Case.label == old)).all():
-            service.library.revise.case(session, one, {"label": right}, renamed=True)
+            service.library.revise.case(session, one, {"label": right})
         session.flush()
         step = newest_of(session, name)
     return _changed(service, step)
@@ -286,9 +286,7 @@ def case(request: Request, session: Reading, service: TheService, principal: Pag
         "described": row.recording.axis is None or find_axis(session, row.recording.axis) is not None,
         "ways": VERIFICATIONS,
         "last": last_step(session, [("case", row.id)]),
-        "releasable": row.state == "proposed" and service.library.revise.may_release(row, principal.actor),
     }
-    kept = "Kept. It is searched once another admin has released it." if row.state == "proposed" else KEPT
-    said = {"kept": kept, "undone": "Taken back: all is as it was before."}
+    said = {"kept": KEPT, "undone": "Taken back: all is as it was before."}
     notices = tuple(Message(words) for name, words in said.items() if request.query_params.get(name))
     return render(request, "case.html", context, principal=principal, section=SECTION, messages=notices)
