@@ -24,7 +24,7 @@ def write_table(columns: Mapping[str, NDArray[np.float64]], path: Path) -> None:
     if path.suffix == ".parquet":
         from pyarrow import parquet
 
-        parquet.write_table(table, path)
+        parquet.write_table(table, path, use_dictionary=False)  # of numbers that hardly repeat
         return
     from pyarrow import csv
 
