@@ -65,13 +65,13 @@ bench: $(BENCH_STAMP)
 	$(BIN)/python -m benchmarks
 
 challenge: setup
-	$(BIN)/python -m tests.hidden_effects
-	$(BIN)/python -m tests.hidden_effects.second out/second --seed 1
-	$(BIN)/python -m tests.hidden_effects --folder out/second
-	$(BIN)/python -m pytest -m slow tests/sim/discrepancy tests/hidden_effects
+	$(BIN)/python -m benchmarks.hidden_effects
+	$(BIN)/python -m benchmarks.hidden_effects.second out/second --seed 1
+	$(BIN)/python -m benchmarks.hidden_effects --folder out/second
+	$(BIN)/python -m pytest -m slow tests/sim/discrepancy tests/benchmarks/hidden_effects
 
 # the half to work with; the other, --half final, is run once, at the end
-FIELD := $(BIN)/python -m tests.field_bank --half work
+FIELD := $(BIN)/python -m benchmarks.field_bank --half work
 field: setup
 	$(FIELD) --library starter+measured --gearboxes 2
 	$(FIELD) --library starter+measured --gearboxes 5
@@ -82,23 +82,23 @@ field: setup
 
 # gearboxes whose fault grows over 40 recordings, 1,000 recordings of good ones, and good ones exchanged or heard from elsewhere
 trends: setup
-	$(BIN)/python -m tests.trend_bank --worn 12 --good 25
+	$(BIN)/python -m benchmarks.trend_bank --worn 12 --good 25
 
 # a hundred robots with one effect hidden in a joint, fifty without
 robots: setup
-	$(BIN)/python -m tests.robot_bank --count 150 --seed 1
+	$(BIN)/python -m benchmarks.robot_bank --count 150 --seed 1
 
 # kill -9 at every write, at random under load, and two machines of which one is cut off: an hour at most
 chaos: setup
-	$(BIN)/python -m tests.chaos crash-points --minutes 25
-	$(BIN)/python -m tests.chaos kills --minutes 20
-	$(BIN)/python -m tests.chaos machines
-	$(BIN)/python -m tests.chaos backups
+	$(BIN)/python -m benchmarks.chaos crash-points --minutes 25
+	$(BIN)/python -m benchmarks.chaos kills --minutes 20
+	$(BIN)/python -m benchmarks.chaos machines
+	$(BIN)/python -m benchmarks.chaos backups
 
 # wrong inputs of every kind, then ten minutes of mixed load: half an hour on two cores
 bombs: setup
-	$(BIN)/python -m tests.bombs --inputs 6000
-	$(BIN)/python -m tests.bombs --minutes 10
+	$(BIN)/python -m benchmarks.bombs --inputs 6000
+	$(BIN)/python -m benchmarks.bombs --minutes 10
 
 screenshots: setup
 	$(BIN)/python -m docs.screenshots

@@ -1,10 +1,15 @@
-"""Benchmarks: each module has `run()`, which returns rows; peers are measured in the same run."""
+"""Benchmarks: each module has `run()`, which returns rows; peers are measured in the same run.
 
+Folders are banks, which have frozen seeds and commands of their own: `python -m benchmarks.hidden_effects`.
+"""
+
+import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import app as app  # before numpy, which takes as many threads as it is told when it is loaded
+# before numpy, which takes as many threads as it is told when it is loaded; as in `app`, which banks do not import
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @dataclass(frozen=True)

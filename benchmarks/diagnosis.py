@@ -9,7 +9,6 @@ are calibrated on recordings of known labels.
 
 import csv
 import itertools
-import os
 import sys
 import tempfile
 import time
@@ -25,7 +24,9 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from benchmarks import Row
+from benchmarks.field_bank import bank
 from benchmarks.plain_classifier import PlainClassifier
+from benchmarks.shared_data import SHARED
 from casebase.case_table import CaseTable
 from casebase.diagnosis import DIAGNOSED_FROM, Reasoner
 from casebase.evaluation import Proportion, evaluate
@@ -33,9 +34,8 @@ from casebase.signals.condition import OperatingCondition
 from casebase.signals.decode import read_recording
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction, extract
 from casebase.signals.recording import Recording
-from tests.field_bank import bank
 
-SHARED = Path(os.environ.get("GEARCASE_SHARED", Path(__file__).resolve().parents[1].parent / "shared")) / "data"
+DATA = SHARED / "data"
 Samples = NDArray[np.float32]
 
 
@@ -55,7 +55,7 @@ class Sound:
         return extract(Recording(self.samples, self.rate_hz), self.condition)
 
 
-def axis_sounds(folder: Path = SHARED / "axis_recordings") -> list[Sound]:
+def axis_sounds(folder: Path = DATA / "axis_recordings") -> list[Sound]:
     """Return the recordings of the manifest."""
     with (folder / "manifest.csv").open(encoding="utf-8") as file:
         return [_axis_sound(folder, row) for row in csv.DictReader(file)]
@@ -282,7 +282,7 @@ def side_by_side() -> list[Row]:
 
 
 def field_bank() -> list[Row]:
-    """Sounds of tests/field_bank, half work: what is said at 0.9 with two to ten gearboxes in the library."""
+    """Sounds of benchmarks/field_bank, half work: what is said at 0.9 with two to ten gearboxes in the library."""
     known = [_known(each) for each in bank.libraries("work", "own", 10)[0]]
     files = bank.written("work", "own", Path(tempfile.gettempdir()) / "gearcase-field-bank")
     files = [(file, question) for file, question in files if question.group != "harmless"]
@@ -359,7 +359,7 @@ def _calibration(given: NDArray[np.float64]) -> str:
 def spectraquest_sounds(seconds: float = 2.0) -> list[tuple[int, int, Sound]]:
     """Return load, channel and windows of the SpectraQuest recordings; the load stands for the gearbox."""
     found = []
-    for path in sorted((SHARED / "spectraquest").glob("*.wav")):
+    for path in sorted((DATA / "spectraquest").glob("*.wav")):
         samples, rate = soundfile.read(path, dtype="float32")
         load = int(path.stem[-2:])
         label = "normal" if path.stem.startswith("healthy") else "notch"
@@ -428,7 +428,7 @@ def _plain_nearest(
 def seu(window_s: float = 0.1) -> list[Row]:
     """Five classes split by time, three channels of the planetary gear, beside 1-NN on 16 log band energies."""
     parts: list[tuple[bool, int, Sound]] = []
-    for path in sorted((SHARED / "seu").glob("*.wav")):
+    for path in sorted((DATA / "seu").glob("*.wav")):
         samples, rate = soundfile.read(path, dtype="float32")
         size = int(window_s * rate)
         for index, start in enumerate(range(0, len(samples) - size + 1, size)):
@@ -493,7 +493,7 @@ PARTS: tuple[Callable[[], list[Row]], ...] = (
 
 def run() -> list[Row]:
     """Return all rows; one that says so where the measured data are not here."""
-    if not SHARED.exists():
+    if not DATA.exists():
         return [Row("skipped", 0.0, note="the measured data are not here: set GEARCASE_SHARED to their folder")]
     return [row for part in PARTS for row in part()]
 

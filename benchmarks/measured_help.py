@@ -8,7 +8,6 @@ curve, over how many measured cases of each class the library has, is drawn into
 from __future__ import annotations
 
 import csv
-import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 from app.generation import simulate_case
 from app.intake import mesh_orders, shaft_orders
 from benchmarks import Row
+from benchmarks.shared_data import SHARED
 from casebase.case_table import CaseTable
 from casebase.diagnosis import Reasoner
 from casebase.evaluation import Proportion
@@ -34,7 +34,6 @@ from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.experiment.design_of_experiments import LABELS, Planned, plan
 
-SHARED = Path(os.environ.get("GEARCASE_SHARED", Path(__file__).resolve().parents[1].parent / "shared"))
 FIGURE = Path("docs/figures/measured_help.png")
 CASES, DURATION_S = 40, 15.0  # simulated cases of each label, and how long each is
 EACH = (1, 2, 3, 5)  # measured cases of each class in the learning curve

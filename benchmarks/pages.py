@@ -1,6 +1,6 @@
 """Every page of a library of 10,000 cases against the SQL that it sends; plots of 100,000 points in Chromium.
 
-`python -m tests.large` says the same with more columns, on SQLite or on PostgreSQL.
+`python -m benchmarks.large` says the same with more columns, on SQLite or on PostgreSQL.
 """
 
 import shutil
@@ -11,9 +11,9 @@ from pathlib import Path
 from playwright.sync_api import sync_playwright
 
 from benchmarks import Row, table
+from benchmarks.large.library import Size
+from benchmarks.large.pages import Cost, built, cost_of
 from tests.app.inside import inside
-from tests.large.library import Size
-from tests.large.pages import Cost, built, cost_of
 from tests.live import LiveServer, started
 
 WARM = 3

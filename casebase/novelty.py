@@ -31,7 +31,7 @@ from casebase.similarity import Floats
 
 PRIOR_FREEDOM = 3.0
 """How alike the scatters of one kind of features are: as if each were known from so many gearboxes (Smyth's estimate
-from normal recordings of ten gearboxes: 2.5 to 3.3 on four draws of tests/field_bank, 1.9 on shared recordings)."""
+from normal recordings of ten gearboxes: 2.5 to 3.3 on four draws of the field bank, 1.9 on shared recordings)."""
 FEWEST_GEARBOXES, LARGEST_SAMPLE = 2, 2000
 SMALLEST_P = 1e-300
 RATIOS, SMALLEST_RATIO = ("crest_factor", "kurtosis"), 1e-3

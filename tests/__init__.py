@@ -1,6 +1,3 @@
-"""Tests, each beside the module of the same path, and the banks that measure the product."""
+"""Tests, each beside the module of the same path. Banks that measure the product are in `benchmarks`."""
 
-import os
-
-# before numpy, which takes as many threads as it is told when it is loaded; as in `app`, which banks do not import
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+import app as app  # before numpy, which takes as many threads as it is told when it is loaded

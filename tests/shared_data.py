@@ -1,11 +1,10 @@
-"""Where measured data for tests lies; tests that need it are skipped where it is absent."""
+"""Tests that need measured data are skipped where it is absent."""
 
-import os
 from pathlib import Path
 
 import pytest
 
-SHARED = Path(os.environ.get("GEARCASE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
+from benchmarks.shared_data import SHARED
 
 
 def shared(*parts: str) -> Path:

@@ -15,13 +15,14 @@ import pytest
 import soundfile
 from _pytest.mark import ParameterSet
 
+from benchmarks.shared_data import SHARED
 from casebase.signals.decode import read_recording
 from casebase.signals.features import extract
 from tests.field.disturbed import DISTURBED, FOREIGN, HARMLESS, NEVER_SURE, SHORT, SILENT, Change, foreign
 from tests.field.libraries import HELD_OUT, Library, recordings
 from tests.field.libraries import known as known_answer
 from tests.live import gearcase
-from tests.shared_data import SHARED, shared
+from tests.shared_data import shared
 
 NO_LABEL = ("not_in_library", "unusable")
 ALL_THREE = ("measured", "starter_and_measured", pytest.param("starter", marks=pytest.mark.slow))

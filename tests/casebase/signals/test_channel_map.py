@@ -10,9 +10,9 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
+from benchmarks.real_drives.drives import EPOS, robot
 from casebase.signals.errors import TelemetryError
 from casebase.signals.telemetry import Telemetry, read_telemetry
-from tests.real_drives.drives import EPOS, robot
 from tests.shared_data import shared
 
 ROWS = 200

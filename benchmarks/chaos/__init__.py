@@ -1,0 +1,1 @@
+"""What must hold whatever is killed and whenever: `python -m benchmarks.chaos`, bounded in time, on one machine."""

@@ -1,0 +1,348 @@
+"""Every write of every order as a crash point: killed there, started again, ordered again; there is to be one of it.
+
+Each attempt is a process of its own, forked from this one, which has imported the service and has no threads and no
+connections; its database and folder are copies of a filled one.
+"""
+
+import asyncio
+import itertools
+import json
+import logging
+import os
+import random
+import shutil
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import httpx
+import structlog
+
+from app.gate import Gate
+from app.jobs.job import Json
+from app.main import create_app
+from app.metrics import Metrics
+from app.security import COOKIE, csrf_token
+from app.service import Service
+from app.settings import Settings
+from benchmarks.chaos.orders import AXIS, ORDERS, PAGES, Known, Options, counts, fill, ghosts
+from benchmarks.chaos.points import CrashPoint
+from tests import postgres
+
+MOST_POINTS = 400
+APP = create_app(Settings())
+"""Made once, and asked once by `warm_up`: else every process would put the routes together for itself."""
+Work = Callable[[Service], Json]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A filled database and folder, and how to get a copy of them."""
+
+    folder: Path
+    server: str | None
+
+    @property
+    def filled(self) -> Path:
+        return self.folder / "filled"
+
+    def settings(self, data_dir: Path) -> Settings:
+        url = None if self.server is None else self.server.replace("/postgres?", f"/{data_dir.name}?")
+        return Settings(data_dir=data_dir, database_url=url)
+
+    @contextmanager
+    def copy(self, number: int) -> Iterator[Settings]:
+        data_dir = self.folder / f"copy_{number}"
+        shutil.copytree(self.filled, data_dir)
+        if self.server is not None:
+            postgres.create_database(self.server, data_dir.name, "filled")
+        try:
+            yield self.settings(data_dir)
+        finally:
+            shutil.rmtree(data_dir, ignore_errors=True)
+            if self.server is not None:
+                postgres.drop_database(self.server, data_dir.name)
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a forked process ended: what it gave, None where it was killed."""
+
+    given: Any
+    code: int
+
+    @property
+    def killed(self) -> bool:
+        return self.code == -signal.SIGKILL
+
+
+def apart(settings: Settings, work: Work, *, tidy: bool = True) -> Ended:
+    """Do something with the service in a process of its own."""
+    assert threading.active_count() == 1, "a fork takes only its own thread along, and others' locks"
+    reading, writing = os.pipe()
+    sys.stdout.flush()
+    child = os.fork()
+    if child == 0:
+        os.close(reading)
+        code = 1
+        try:
+            service = Service.open(settings, Metrics())
+            if tidy:
+                service.tidy()
+            os.write(writing, json.dumps(work(service)).encode())
+            code = 0
+        except BaseException:  # noqa: BLE001 - a forked process must not go on as its parent
+            traceback.print_exc()
+        finally:
+            sys.stderr.flush()
+            os._exit(code)
+    os.close(writing)
+    with os.fdopen(reading, "rb") as pipe:
+        said = pipe.read()
+    _, status = os.waitpid(child, 0)
+    code = os.waitstatus_to_exitcode(status)
+    return Ended(json.loads(said) if said else None, code)
+
+
+def asked(service: Service, known: Known, path: str, options: Options, point: CrashPoint | None = None) -> Any:
+    """Send a request, of a page where it has a form of one; its status, headers and JSON."""
+    app = APP
+    app.state.service, app.state.gate, app.state.looking = service, Gate(4, 4), Gate(1, 1)
+    headers = {"Authorization": f"Bearer {known.key}", "Idempotency-Key": "once"}
+    if not path.startswith("/api/"):
+        headers = {"Accept": "text/html", "Cookie": f"{COOKIE}={known.key}"}
+        options = {**options, "data": {"csrf": csrf_token(known.key), **options["data"]}}
+
+    async def run() -> httpx.Response:
+        transport = httpx.ASGITransport(point.answering(app) if point else app, raise_app_exceptions=False)
+        async with httpx.AsyncClient(transport=transport, base_url="http://chaos", headers=headers) as client:
+            if point:
+                point.armed = True
+            return await client.post(path, **options)
+
+    answer = asyncio.run(run())
+    if answer.status_code >= 400:
+        raise AssertionError(f"{path}: {answer.status_code} {answer.text[:500]}")
+    location = answer.headers.get("location")
+    return {"status": answer.status_code, "location": location, "replay": "idempotent-replay" in answer.headers}
+
+
+def state(service: Service) -> Any:
+    with service.library.reading() as session:
+        return {"counts": counts(session), "ghosts": list(ghosts(service))}
+
+
+@dataclass
+class Tally:
+    """What was tried, and what was not as it should be."""
+
+    points: int = 0
+    of: int = 0
+    wrong: list[str] = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        self.wrong = self.wrong or []
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Crash points of one database."""
+
+    ground: Ground
+    known: Known
+    numbers: Iterator[int]
+    until: float
+    chance: random.Random
+
+    def order(self, name: str, most: int) -> Tally:
+        """Crash points of one order."""
+        path, options = {**ORDERS, **PAGES}[name](self.known)
+        page = name in PAGES
+
+        def whole(service: Service) -> Json:
+            point = CrashPoint(0)
+            point.install()
+            first = asked(service, self.known, path, options, point)
+            point.armed = False
+            return {"passed": list(point.passed), "state": state(service), "answer": first}
+
+        def begun(service: Service, at: int) -> Json:
+            point = CrashPoint(at)
+            point.install()
+            asked(service, self.known, path, options, point)
+            return None
+
+        def again(service: Service) -> Json:
+            if page:
+                return {"state": state(service)}
+            answers = [asked(service, self.known, path, options) for _ in range(2)]
+            return {"state": state(service), "answers": answers}
+
+        with self.ground.copy(next(self.numbers)) as settings:
+            before = apart(settings, state).given
+            once = apart(settings, whole).given
+        assert once is not None, f"{name} does not work even when nobody is killed"
+        wanted = once["state"]
+        tally = Tally(of=len(once["passed"]), wrong=[f"{name}, nobody killed: {each}" for each in wanted["ghosts"]])
+        for at in self._some(len(once["passed"]), most):
+            where = f"{name}, killed at {at} ({once['passed'][at - 1]})"
+            with self.ground.copy(next(self.numbers)) as settings:
+                first = apart(settings, lambda service, at=at: begun(service, at))  # type: ignore[misc]
+                then = apart(settings, again)
+            tally.points += 1
+            if not first.killed and first.code:
+                tally.wrong.append(f"{where}: the process failed instead of being killed")
+            if then.given is None:
+                tally.wrong.append(f"{where}: not to be had afterwards")
+                continue
+            found = then.given["state"]
+            allowed = (before["counts"], wanted["counts"]) if page else (wanted["counts"],)
+            if found["counts"] not in allowed:
+                tally.wrong.append(f"{where}: {found['counts']} instead of {wanted['counts']}")
+            orphans = "is nobody's" if page else "\0"  # nobody comes back to a page for what was not stored
+            tally.wrong += [f"{where}: {each}" for each in found["ghosts"] if orphans not in each]
+            if not page and not then.given["answers"][1]["replay"]:
+                tally.wrong.append(f"{where}: the repetition was not known")
+        return tally
+
+    def engine(self, name: str, most: int) -> Tally:
+        """Crash points where the engine is told of a job: of its order, of its end before time, of going on."""
+        steps = ENGINE[name]
+
+        def whole(service: Service) -> Json:
+            point = CrashPoint(0)
+            point.install()
+            steps[-1](service, point)
+            return list(point.passed)
+
+        def begun(service: Service, at: int) -> Json:
+            point = CrashPoint(at)
+            point.install()
+            steps[-1](service, point)
+            return None
+
+        def before(service: Service) -> Json:
+            for step in steps[:-1]:
+                step(service, None)
+            return None
+
+        def after(service: Service) -> Json:
+            service.jobs.agree()
+            service.jobs.agree()
+            jobs = service.jobs.list()
+            known = service.jobs._client.list_workflows(load_input=False)
+            return {"jobs": [(job.id, job.state) for job in jobs], "engine": [(e.workflow_id, e.status) for e in known]}
+
+        with self.ground.copy(next(self.numbers)) as settings:
+            apart(settings, before)
+            passed = apart(settings, whole).given
+        tally = Tally(of=len(passed))
+        for at in self._some(len(passed), most):
+            where = f"{name}, killed at {at} ({passed[at - 1]})"
+            with self.ground.copy(next(self.numbers)) as settings:
+                apart(settings, before)
+                apart(settings, lambda service, at=at: begun(service, at))  # type: ignore[misc]
+                found = apart(settings, after).given
+            tally.points += 1
+            if found is None or (found["jobs"], found["engine"]) not in expected(name, at, len(passed)):
+                tally.wrong.append(f"{where}: {found}")
+        return tally
+
+    def _some(self, of: int, most: int) -> Iterator[int]:
+        chosen = self.chance.sample(range(1, of + 1), min(of, most))
+        return itertools.takewhile(lambda _: time.monotonic() < self.until, chosen)
+
+
+JOB = "chaos-job"
+Step = Callable[[Service, CrashPoint | None], None]
+
+
+def _submitted(service: Service, _: CrashPoint | None) -> None:
+    parameters: dict[str, Json] = json.loads(json.dumps({"axis": AXIS}))
+    service.jobs.submit("simulations", parameters, job_id=JOB)
+
+
+def _armed(do: Callable[[Service], object]) -> Step:
+    def step(service: Service, point: CrashPoint | None) -> None:
+        _ = service.jobs._client  # its tables are there: a migration is not what is tried here
+        if point:
+            point.armed = True
+        do(service)
+
+    return step
+
+
+_agreed = _armed(lambda service: service.jobs.agree())
+_cancelled = _armed(lambda service: service.jobs.cancel(JOB))
+_resumed = _armed(lambda service: service.jobs.resume(JOB))
+ENGINE: dict[str, Sequence[Step]] = {
+    "engine: order": (_submitted, _agreed),
+    "engine: cancel": (_submitted, _agreed, _cancelled),
+    "engine: resume": (_submitted, _agreed, _cancelled, _resumed),
+}
+
+
+def expected(name: str, at: int, of: int) -> list[Any]:
+    """What may be afterwards: the job as it was or as it was to be, and the engine of the same opinion."""
+    queued = ([[JOB, "queued"]], [[JOB, "ENQUEUED"]])
+    cancelled = ([[JOB, "cancelled"]], [[JOB, "CANCELLED"]])
+    return {"engine: order": [queued], "engine: cancel": [queued, cancelled]}.get(name, [cancelled, queued])
+
+
+def warm_up() -> None:
+    """Load what every process would load for itself, and have the routes put together.
+
+    The threads of it end with its loop.
+    """
+    for name in ("dbos", "scipy.stats"):
+        import_module(name)
+    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.CRITICAL))
+
+    async def run() -> None:
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(APP), base_url="http://chaos") as client:
+            (await client.get("/livez")).raise_for_status()
+
+    asyncio.run(run())
+
+
+@contextmanager
+def ground(folder: Path, database: str) -> Iterator[tuple[Ground, Known]]:
+    """A filled database of this kind."""
+    if database == "sqlite":
+        made = Ground(folder, None)
+        yield made, _filled(made)
+        return
+    with postgres.running_server() as server:
+        made = Ground(folder, server)
+        postgres.create_database(server, "filled")
+        yield made, _filled(made)
+
+
+def _filled(made: Ground) -> Known:
+    given = apart(made.settings(made.filled), lambda service: asdict(fill(service))).given
+    return Known(**given)
+
+
+def run(
+    folder: Path, database: str, names: Sequence[str], *, most: int = MOST_POINTS, seconds: float = 600.0, seed: int = 0
+) -> dict[str, Tally]:
+    """Try crash points of these orders on a database, at most so many of each and for so long; what was found."""
+    started, found, numbers, chance = time.monotonic(), {}, itertools.count(), random.Random(seed)
+    warm_up()
+    with ground(folder, database) as (made, known):
+        for place, name in enumerate(names, 1):
+            until = started + seconds * place / len(names)  # what an order leaves of its share is for the next ones
+            campaign = Campaign(made, known, numbers, until, chance)
+            found[name] = (campaign.engine if name in ENGINE else campaign.order)(name, most)
+    return found
+
+
+ALL = (*ORDERS, *PAGES, *ENGINE)

@@ -1,0 +1,262 @@
+"""The generator itself: it obeys mechanics, hides what it claims, and shares no code with the product."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import welch
+
+from benchmarks.hidden_effects.generator import EFFECTS, Scenario, draw_recipe, generate
+from benchmarks.hidden_effects.generator.comparison import Recorded, compare
+from benchmarks.hidden_effects.generator.effect import Draw, Effect
+from benchmarks.hidden_effects.generator.joint import KINDS, Joint, draw_joint
+from benchmarks.hidden_effects.generator.kernel import SERVO_RATE_HZ, TELEMETRY_RATE_HZ
+from benchmarks.hidden_effects.generator.microphone import SOUND_RATE_HZ, fine_angle
+from benchmarks.hidden_effects.generator.motion import Motion, _move, draw_motion
+from benchmarks.hidden_effects.generator.plant import Damage, Plant, Run, build_plant, simulate
+from benchmarks.hidden_effects.generator.recording import Placed, mesh_orders
+
+
+def _drawn(seed: int, kind: str = "three shafts") -> tuple[Joint, Plant, Motion]:
+    rng = np.random.default_rng(seed)
+    joint = draw_joint(rng, kind)
+    return joint, build_plant(rng, joint), draw_motion(rng, joint.top_speed, 8.0)
+
+
+def _to_and_fro(speed: float, reach: float, times: int = 3) -> Motion:
+    """Return the same move there and back, over and over, with rests."""
+    rest = np.zeros(SERVO_RATE_HZ // 2)
+    there = _move(reach, speed, 0.4)
+    velocity = np.concatenate([rest, *([there, rest, -there, rest] * times), np.zeros(3 * SERVO_RATE_HZ)])
+    place = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]))]) / SERVO_RATE_HZ
+    return Motion(np.vstack([place, velocity, np.gradient(velocity) * SERVO_RATE_HZ]), 0.0, reach)
+
+
+def _perfect(plant: Plant) -> Plant:
+    """Return the plant without tooth errors and losses of the meshes."""
+    return replace(plant, meshes=tuple(replace(m, driver=(), driven=(), loss=0.0) for m in plant.meshes))
+
+
+def _at_output(name: str, draw: Draw) -> Effect:
+    """Draw an effect until it sits at the output gear."""
+    return next(effect for effect in iter(lambda: EFFECTS[name](draw), None) if effect.location == "output")
+
+
+def _twist(run: Run, joint: Joint) -> np.ndarray:
+    return run.load_angle - run.motor_angle / joint.ratio
+
+
+def _cruises(run: Run, joint: Joint, direction: int) -> np.ndarray:
+    """Return where the motor runs steadily in one direction for a while before and after."""
+    steady = np.abs(direction * run.motor_speed / (joint.top_speed * joint.ratio) - 0.8) < 0.02
+    window = TELEMETRY_RATE_HZ // 2
+    return np.convolve(steady, np.ones(window), "same") > window - 0.5
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_energy_is_conserved(kind: str) -> None:
+    _, plant, motion = _drawn(3, kind)
+    motor, outer, friction, links, stored = simulate(plant, motion, 8.0).energy
+    assert motor + outer - friction - links == pytest.approx(stored, abs=1e-3 * motor)
+    assert friction > 0
+    assert links > 0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_steady_motion_needs_the_torque_of_friction(kind: str) -> None:
+    joint, plant, _ = _drawn(5, kind)
+    run = simulate(_perfect(plant), _to_and_fro(0.8 * joint.top_speed, 6.0, 2), 8.0, quantised=False)
+    wanted = joint.coulomb_at_motor + joint.viscous_at_motor * 0.8 * joint.top_speed * joint.ratio
+    for direction in (1, -1):
+        assert direction * run.motor_torque[_cruises(run, joint, direction)].mean() == pytest.approx(wanted, rel=0.01)
+
+
+def test_lost_motion_grows_by_the_backlash() -> None:
+    joint, plant, _ = _drawn(6)
+    motion = _to_and_fro(0.8 * joint.top_speed, 6.0, 2)
+
+    def lost(gap: float) -> float:
+        run = simulate(_perfect(plant).with_mesh("output", gap=gap), motion, 8.0, quantised=False)
+        twist = _twist(run, joint)
+        return float(twist[_cruises(run, joint, -1)].mean() - twist[_cruises(run, joint, 1)].mean())
+
+    assert lost(1.1e-3) - lost(1e-4) == pytest.approx(1e-3, rel=0.02)
+
+
+@pytest.mark.parametrize("flank", [1, -1])
+@pytest.mark.parametrize("rectangular", [True, False])
+def test_damaged_tooth_acts_at_its_angle_on_its_flank_only(flank: int, rectangular: bool) -> None:
+    joint, plant, _ = _drawn(7)
+    motion = _to_and_fro(0.8 * joint.top_speed, 6.0, 2)
+    pitch = 2 * np.pi / joint.stage("output").driven_teeth
+    damaged = plant.with_mesh("output", damage=Damage(3.0, pitch, 2e-4, flank, rectangular))
+    good, bad = (simulate(p, motion, 8.0, quantised=False) for p in (plant, damaged))
+    change = np.abs(_twist(bad, joint) - _twist(good, joint))
+    near = np.abs(good.load_angle - 3.0) < pitch / 2
+    felt, unfelt = (_cruises(good, joint, side * flank) for side in (1, -1))
+    assert change[felt & near].max() > 5e-5
+    assert change[unfelt & near].max() < 1e-5
+    assert change[felt & (good.load_angle * flank < 3.0 * flank - pitch)].max() < 1e-5
+
+
+def test_eccentricity_moves_the_load_by_its_amplitude() -> None:
+    joint, plant, _ = _drawn(8)
+    motion = _to_and_fro(0.8 * joint.top_speed, 2 * np.pi, 2)
+    effect = _at_output("eccentricity", Draw(np.random.default_rng(1), joint, motion, True))
+    good, bad = (simulate(p, motion, 8.0, quantised=False) for p in (plant, effect.act(plant, 5e-4)))
+    change, angle = _twist(bad, joint) - _twist(good, joint), good.load_angle
+    waves = np.column_stack([np.cos(angle), np.sin(angle), np.ones_like(angle)])[_cruises(good, joint, 1)]
+    found = np.linalg.lstsq(waves, change[_cruises(good, joint, 1)], rcond=None)[0]
+    assert np.hypot(found[0], found[1]) == pytest.approx(5e-4, rel=0.05)
+
+
+def test_gravity_is_carried_by_the_motor() -> None:
+    joint, plant, _ = _drawn(9, "two shafts")
+    motion = _to_and_fro(0.25 * joint.top_speed, 5.0, 1)
+    torque = 0.3 * joint.peak_torque * joint.ratio
+    good, bad = (
+        simulate(p, motion, 8.0, quantised=False)
+        for p in (_perfect(plant), replace(_perfect(plant), gravity=(torque, 0.4)))
+    )
+    steady = np.abs(good.motor_speed) > 0.24 * joint.top_speed * joint.ratio
+    change = (bad.motor_torque - good.motor_torque)[steady]
+    expected = torque / joint.ratio * np.sin(good.load_angle + 0.4)[steady]
+    assert np.corrcoef(change, expected)[0, 1] > 0.97
+    assert np.std(change) == pytest.approx(np.std(expected), rel=0.1)
+
+
+def _pair(effect: str, **recipe: object) -> tuple[Scenario, Scenario]:
+    """Return a scenario with one effect and the same without it."""
+    drawn = replace(draw_recipe(21, "sensor", (effect,), "strong", "two shafts", True), sound=False, **recipe)
+    return generate(21, drawn, seconds=10.0), generate(21, replace(drawn, effects=()), seconds=10.0)
+
+
+def _torque(scenario: Scenario) -> np.ndarray:
+    assert scenario.telemetry is not None
+    return scenario.telemetry["motor_torque_nm"]
+
+
+def test_hum_is_a_line_at_its_frequency_as_strong_as_claimed() -> None:
+    ill, well = _pair("electrical_hum")
+    change = _torque(ill) - _torque(well)
+    spectrum = np.abs(np.fft.rfft(change * np.hanning(len(change))))
+    frequency = np.argmax(spectrum) / 10.0
+    assert frequency == pytest.approx(ill.hidden[0].size["frequency_hz"], abs=0.11)
+
+
+def test_effect_is_as_strong_as_claimed_in_the_recording_itself() -> None:
+    drawn = replace(draw_recipe(31, "mechanics", ("gravity_imbalance",), "full", "two shafts", False), sound=False)
+    ill, well = generate(31, drawn, seconds=10.0), generate(31, replace(drawn, effects=()), seconds=10.0)
+    speed = np.gradient(well.telemetry["motor_position_rad"])
+    ramp = np.convolve(np.gradient(speed), np.hanning(40) / 20, "same")
+    columns = np.column_stack([ramp, speed, np.tanh(speed / (0.01 * np.max(speed)))])[100:-100]
+    change = (_torque(ill) - _torque(well))[100:-100]
+    beyond = np.std(change - columns @ np.linalg.lstsq(columns, change, rcond=None)[0])
+    # the torque noise itself, which both recordings share: fast, beside the slow torque of the motion
+    noise = np.std(np.diff(_torque(well))) / np.sqrt(2)
+    assert ill.hidden[0].strength == pytest.approx(1.0, rel=0.05)
+    assert beyond > 0.5 * noise
+
+
+def test_bearing_knocks_at_its_order() -> None:
+    recipe = draw_recipe(51, "mechanics", ("bearing_defect",), "strong", "two shafts", True)
+    scenario = generate(51, recipe, seconds=10.0)
+    turns = np.interp(
+        np.arange(len(scenario.sound)) / 8000,
+        scenario.telemetry["time_s"],
+        scenario.telemetry["motor_position_rad"] / (2 * np.pi),
+    )
+    steady = np.abs(np.gradient(turns)) > 0.9 * np.max(np.abs(np.gradient(turns)))
+    waves = np.abs(scenario.sound) * steady
+    orders = np.arange(1.5, 10.0, 0.01)
+    lines = [abs(np.sum(waves * np.exp(-2j * np.pi * order * turns))) for order in orders]
+    order = scenario.hidden[0].size["order"]
+    peaks = orders[np.argsort(lines)[-5:]]
+    assert np.min(np.abs(peaks - order)) < 0.1
+
+
+def test_same_seed_same_data_and_another_seed_other_data() -> None:
+    first, again, other = (generate(seed, seconds=4.0) for seed in (61, 61, 68))
+    assert first.axis == again.axis
+    assert first.answer() == again.answer()
+    assert all(np.array_equal(first.telemetry[name], again.telemetry[name]) for name in first.telemetry)
+    assert first.axis != other.axis
+
+
+def test_description_is_near_the_truth_and_omits_what_is_hidden() -> None:
+    scenario = generate(71, draw_recipe(71, "null", (), "full", "three shafts", True), seconds=3.0)
+    axis = tomllib.loads(scenario.axis)
+    assert axis["schema"] == "gearcase-axis/1"
+    assert axis["motor"]["inertia_kg_m2"] == pytest.approx(scenario.joint.motor_inertia, rel=0.06)
+    assert axis["load"]["inertia_kg_m2"] == pytest.approx(scenario.joint.load_inertia, rel=0.06)
+    assert [s["name"] for s in axis["stages"]] == ["transfer", "output"]
+    missing = generate(
+        71, draw_recipe(71, "mechanics", ("viscous_friction",), "full", "three shafts", True), seconds=8.0
+    )
+    axis = tomllib.loads(missing.axis)
+    assert axis["motor"]["viscous_friction_n_m_s_per_rad"] == 0
+    assert axis["load"]["viscous_friction_n_m_s_per_rad"] == 0
+
+
+def _two_days(seed: int, *effects: str, level: float = 1.0) -> tuple[Joint, Recorded, Recorded, list[Placed]]:
+    rng = np.random.default_rng(seed)
+    joint = draw_joint(rng, "three shafts")
+    return joint, *compare(rng, joint, effects, level, 16.0)
+
+
+def _growth_db(as_new: Recorded, now: Recorded, order: float) -> float:
+    """Return by how much the line at `order` per turn of the motor has grown beside the loudness of all [dB]."""
+    levels = []
+    for day in (as_new, now):
+        angle = fine_angle(day.motor_angle)
+        speed = np.abs(np.gradient(angle))
+        wave = day.sound * np.exp(-1j * order * angle)
+        slow = uniform_filter1d(wave.real, 800) + 1j * uniform_filter1d(wave.imag, 800)
+        levels.append(np.sqrt(np.mean(np.abs(slow[speed > 0.5 * speed.max()]) ** 2)))
+    _, ratio = _spectra_db(as_new, now)
+    return float(20 * np.log10(levels[1] / levels[0]) - np.median(ratio))
+
+
+def _spectra_db(as_new: Recorded, now: Recorded) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies [Hz] above the fan's and how much louder they are now [dB]."""
+    frequency, then = welch(as_new.sound, SOUND_RATE_HZ, nperseg=1024)
+    ratio = 10 * np.log10(welch(now.sound, SOUND_RATE_HZ, nperseg=1024)[1] / then)
+    return frequency[frequency > 200], ratio[frequency > 200]
+
+
+@pytest.mark.parametrize(("seed", "level"), [(101, 1.0), (102, 1 / 3)])
+def test_lines_of_the_worn_mesh_grow_by_its_error_and_those_of_the_other_stay(seed: int, level: float) -> None:
+    joint, as_new, now, (placed,) = _two_days(seed, "mesh_error", level=level)
+    assert placed.amplitude == pytest.approx(10 * level)
+    for stage, order in zip(joint.stages, mesh_orders(joint), strict=True):
+        grown = np.mean([_growth_db(as_new, now, harmonic * order) for harmonic in (1, 2, 3)])
+        expected = 20 * np.log10(placed.amplitude) if stage.name == placed.effect.scored_location else 0.0
+        assert grown == pytest.approx(expected, abs=5.0)
+
+
+def _with_and_without(*effects: str) -> tuple[Scenario, Scenario]:
+    """Return a scenario of two recordings with effects, and the same joint on the same days without them."""
+    drawn = draw_recipe(151, "several", effects, "strong", "two shafts", True)
+    drawn = replace(drawn, reference=True, noise="stationary")
+    return generate(151, drawn, seconds=10.0), generate(151, replace(drawn, effects=()), seconds=10.0)
+
+
+def test_two_recordings_hide_the_same_effect_of_the_same_size() -> None:
+    ill, well = _with_and_without("gravity_imbalance")
+    (hidden,) = ill.hidden
+    phases = []
+    for with_it, without in (
+        (ill.telemetry, well.telemetry),
+        (ill.second_telemetry, well.second_telemetry),
+    ):
+        angle = without["load_position_rad"]
+        waves = np.column_stack([np.sin(angle), np.cos(angle), np.ones_like(angle)])
+        change = with_it["motor_torque_nm"] - without["motor_torque_nm"]
+        found = np.linalg.lstsq(waves, change, rcond=None)[0]
+        assert ill.joint.ratio * np.hypot(found[0], found[1]) == pytest.approx(hidden.size["torque_n_m"], rel=0.1)
+        phases.append(np.arctan2(found[1], found[0]))
+    assert np.cos(phases[1] - phases[0]) > 0.99
