@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from sim.chain.model import Chain
+from sim.chain.reduction import chain_of
 from sim.description.axis import Axis
 from sim.description.transmission import link_damping, link_stiffness
 from sim.errors import AxisError
@@ -20,8 +22,6 @@ from sim.rotational.components import (
     Torque,
 )
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.model import Chain
-from sim.torsional.reduction import chain_of
 
 
 def chain_of_axis(axis: Axis) -> Chain:

@@ -17,7 +17,7 @@ TWO_PI = 2.0 * math.pi
 # laws of contact, and their pieces
 LINEAR, ELASTO, ELASTO2 = 1.0, 2.0, 3.0
 BOTH, LIMITED, APART = 1, 2, 3
-# columns of a shaft, of a link (`sim.torsional.packing`)
+# columns of a shaft, of a link (`sim.chain.packing`)
 (J, COULOMB_F, COULOMB_B, VISCOUS_F, VISCOUS_B, STRIBECK, STRIBECK_W, STRIBECK_EXP, DRIFT, GRAVITY, PHASE,
  OFFSET, FRICTIONAL) = range(13)  # fmt: skip
 INV, C, D, HALF, LAW, ETA1, ETA2, BF1, BF2, TURN, LOSSY, CUBIC, HYST, HYST_X = range(14)

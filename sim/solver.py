@@ -61,7 +61,7 @@ def simulate(
     """
     samples = _samples(duration_s, sample_rate_hz)
     if _pick(drive_train, engine) == "chain":
-        from sim.torsional.reduction import simulate_chain
+        from sim.chain.reduction import simulate_chain
 
         return simulate_chain(drive_train, duration_s, sample_rate_hz, watch)
     exact = _engine(drive_train, sample_rate_hz)

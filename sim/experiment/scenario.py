@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, hear, microphone_of
+from sim.chain.motion_profile import Array, servo_drive
 from sim.description.axis import Axis, Motion
 from sim.description.axis_document import read_axis
 from sim.experiment.specimen import Specimen
@@ -17,7 +18,6 @@ from sim.experiment.virtual_measurement import heard_forces
 from sim.mechanisms.catalogue import distort_sound
 from sim.rotational.trajectory import Trajectory
 from sim.solver import simulate
-from sim.torsional.motion_profile import Array, servo_drive
 
 MODEL_VERSION = "3"  # raise when the same scenario would sound otherwise
 SPEED_BANDWIDTH_RAD_S = 80.0

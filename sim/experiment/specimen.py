@@ -14,12 +14,12 @@ from typing import TypeVar
 import numpy as np
 
 from sim.assembly import drive_train_of
+from sim.chain.components import MeshLine, Wheel
 from sim.description.axis import Axis, Load, Motor, Stage
 from sim.description.transmission import link_damping
 from sim.errors import AxisError
 from sim.mechanisms.places import with_error
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.components import MeshLine, Wheel
 
 End = TypeVar("End", Motor, Load)
 

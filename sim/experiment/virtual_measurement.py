@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from casebase.signals.telemetry import Telemetry
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode, hear
 from sim.assembly import drive_train_of
+from sim.chain.model import Array
+from sim.chain.motion_profile import moving
 from sim.description.axis import Axis
 from sim.mechanisms.catalogue import distort_sound, distort_telemetry
 from sim.mechanisms.places import with_error
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import Trajectory
 from sim.solver import simulate
-from sim.torsional.model import Array
-from sim.torsional.motion_profile import moving
 
 TELEMETRY_RATE_HZ = 2000.0
 LEVEL_OF_16_BIT = 2.0**-15

@@ -3,12 +3,12 @@
 import math
 from typing import ClassVar
 
+from sim.chain.components import MeshLine, TorqueRipple
 from sim.description.axis import Axis
 from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, shaft_name, unused_name
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.components import MeshLine, TorqueRipple
 
 HARMONICS = 5
 

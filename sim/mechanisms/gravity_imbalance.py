@@ -3,13 +3,13 @@
 import math
 from typing import ClassVar
 
+from sim.chain.components import Gravity
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, shaft_name, unused_name
 from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.components import Gravity
 
 
 class GravityImbalance(Mechanics):

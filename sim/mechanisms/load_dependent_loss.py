@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+from sim.chain.model import with_loss
 from sim.description.axis import Axis
 from sim.errors import CompositionError
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
@@ -9,7 +10,6 @@ from sim.mechanisms.places import axis_of, stage_names
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.components import IdealGear, LossyGear
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.model import with_loss
 
 
 class LoadDependentLoss(Mechanics):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 
+from sim.chain.components import GearMesh, MeshLine, ShaftFriction, Wheel
+from sim.chain.reduction import shaft_friction_of
 from sim.description.axis import Axis, Stage
 from sim.errors import CompositionError, ParameterError
 from sim.rotational.components import ElastoBacklash, Inertia
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.components import GearMesh, MeshLine, ShaftFriction, Wheel
-from sim.torsional.reduction import shaft_friction_of
 
 
 def stage_names(axis: Axis) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from typing import ClassVar
 
+from sim.chain.components import MeshDent, Wheel
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.heard import Heard
@@ -11,7 +12,6 @@ from sim.mechanisms.mechanism import SECURED, Mechanics, Need, Parameter, Signat
 from sim.mechanisms.places import axis_of, gear_mesh, teeth, wheels
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.components import MeshDent, Wheel
 
 
 class ToothDamage(Mechanics):

@@ -3,12 +3,12 @@
 import math
 from typing import ClassVar
 
+from sim.chain.components import MeshLine, TorqueRipple
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import SECURED, Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, unused_name
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.components import MeshLine, TorqueRipple
 
 
 class TorqueRippleOfMotor(Mechanics):

@@ -1,8 +1,8 @@
 """An axis of three shafts for the tests, and the paper's chain."""
 
+from sim.chain.model import Chain, Link, Shaft
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
-from sim.torsional.model import Chain, Link, Shaft
 
 
 def axis(**motion: float) -> Axis:
@@ -53,6 +53,6 @@ def three_shafts(**output: object) -> Chain:
         Link(11.0, 130e3, 150.0, gap_rad=2e-5, efficiency=(0.96, 0.96)),
     )
     chain = Chain(shafts, links)
-    from sim.torsional.model import with_link
+    from sim.chain.model import with_link
 
     return with_link(chain, 1, **output) if output else chain

@@ -30,8 +30,8 @@ from sim.discrepancy.data.preprocessing import prepare
 from sim.discrepancy.model.observer import Nuisance, Observer
 from sim.rotational.components import BearingFriction, ElastoBacklash, Inertia, LossyGear, SpringDamper, Torque, Sine
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.components import GearMesh, MeshDent
-from sim.torsional.reduction import chain_of
+from sim.chain.components import GearMesh, MeshDent
+from sim.chain.reduction import chain_of
 
 motor, load = Inertia(J=1.0), Inertia(J=2.0)
 friction = DriveTrain.series(motor=motor, friction=BearingFriction([[0, 1.0]]))
@@ -48,7 +48,8 @@ for name, train in {"friction": friction, "contact": contact, "losses": losses, 
     engines = ("exact", "chain") if train.affine else ("chain",)
     found = {engine: sim.simulate(driven, 2.0, 1000.0, engine=engine)["motor.w"] for engine in engines}
     chain = chain_of(train)
-    observer = Observer(prepare(1000.0, np.zeros(time.size), angle, angle / chain.ratio - 0.2 * np.sin(3.0 * time)), 1.0, 1.0, True)
+    load = angle / chain.ratio - 0.2 * np.sin(3.0 * time)
+    observer = Observer(prepare(1000.0, np.zeros(time.size), angle, load), 1.0, 1.0, True)
     seen = observer.predict(chain, Nuisance())
     found["observer"] = seen.torque + seen.guide
     out[name] = {engine: [float(np.std(values)), float(values[-700])] for engine, values in found.items()}

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
+from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.discrepancy.acoustic.evidence import AcousticFinding, Tail, log_ratio, probability
 from sim.discrepancy.acoustic.impacts import NO_STANDSTILL
@@ -24,7 +25,6 @@ from sim.discrepancy.acoustic.levels import BAND_HZ, CELL, LEAST_AT_REST, LEAST_
 from sim.discrepancy.acoustic.operating_states import Course, Cruise, Mask
 from sim.discrepancy.acoustic.spectral_lines import MULTIPLES, TRANSFORM, gamma_limit, mesh_orders, over_surroundings
 from sim.mechanisms import MeshError, StructuralResonance
-from sim.torsional.model import Array
 
 NO_AS_NEW = "no recording from when the axis was new was given to compare with"
 SAME_SPEED = 0.15  # relative: at another speed teeth excite the housing at other frequencies

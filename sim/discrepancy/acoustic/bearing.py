@@ -16,13 +16,13 @@ from scipy.ndimage import maximum_filter1d
 from scipy.special import gammaincc
 from scipy.stats import gamma, rankdata
 
+from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.discrepancy.acoustic.evidence import Tail
 from sim.discrepancy.acoustic.impacts import NO_STANDSTILL
 from sim.discrepancy.acoustic.operating_states import LEAST_CRUISES, Course, Mask
 from sim.discrepancy.acoustic.order_spectrum import BANDS, OrderSpectra
 from sim.discrepancy.acoustic.spectral_lines import mesh_orders
-from sim.torsional.model import Array
 
 BASES = (2.0, 30.0)  # orders of rolling bearings per turn of the motor; shafts and teeth that err lie below
 MULTIPLES = 8

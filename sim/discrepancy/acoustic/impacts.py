@@ -23,8 +23,8 @@ from casebase.signals.band import Band
 from casebase.signals.fold import SMOOTH_S, TOLERANCE, Fold, fold
 from casebase.signals.motion import HOP_HZ
 from casebase.signals.spectra import BandEnvelope, band_envelope
+from sim.chain.model import Array
 from sim.discrepancy.acoustic.operating_states import Course
-from sim.torsional.model import Array
 
 TEETH_BAND_HZ = (40.0, 100.0, 8.0)  # low, high, whitening: above arm and servo, below the housing
 APART_S = 0.06  # an impact is over by then

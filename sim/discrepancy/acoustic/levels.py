@@ -10,7 +10,7 @@ import numpy as np
 from scipy.signal import spectrogram
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
-from sim.torsional.model import Array
+from sim.chain.model import Array
 
 if TYPE_CHECKING:
     from sim.discrepancy.acoustic.operating_states import Course, Mask

@@ -18,12 +18,12 @@ from casebase.signals.condition import OperatingCondition
 from casebase.signals.motion import HOP_HZ
 from casebase.signals.recording import Recording
 from casebase.signals.stroke import reversal_times_s
+from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.discrepancy.acoustic.levels import Levels, levels_of
 from sim.discrepancy.acoustic.order_spectrum import OrderSpectra, order_spectra
 from sim.discrepancy.acoustic.spectral_lines import TRANSFORM, mesh_orders, mesh_speed, over_surroundings
 from sim.discrepancy.data.preprocessing import Measurement
-from sim.torsional.model import Array
 
 Mask = NDArray[np.bool_]
 MARGIN_S = 0.1  # loudness is full before the speed is

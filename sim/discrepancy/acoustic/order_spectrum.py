@@ -15,7 +15,7 @@ from scipy.special import gammaincinv
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
 from casebase.signals.band import Band
-from sim.torsional.model import Array
+from sim.chain.model import Array
 
 BANDS = (Band.MIDDLE, Band.HIGH)
 PER_TURN = 128  # samples of the envelope per turn of the motor

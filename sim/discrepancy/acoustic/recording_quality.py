@@ -9,10 +9,10 @@ import numpy as np
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from casebase.signals.live_channel import MAINS_HZ
 from casebase.signals.quality import FEWEST_STEPS, cut_samples, lost_stretches, steps
+from sim.chain.model import Array
 from sim.discrepancy.acoustic.evidence import FALSE_ALARM, AcousticFinding
 from sim.discrepancy.acoustic.operating_states import Course
 from sim.mechanisms import Clipping, ElectricalHum, LostSamples
-from sim.torsional.model import Array
 
 HUM_MULTIPLES = (1, 2, 3, 4, 6)  # of the mains, which supplies and transformers have
 GRID_TOLERANCE = 0.003  # of the mains frequency: large grids keep 0.15 Hz but for disturbances

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from casebase.signals.live_channel import MAINS_HZ
+from sim.chain.model import Array
 from sim.discrepancy.acoustic.operating_states import Course, Mask
 from sim.discrepancy.unexplained import Unexplained
-from sim.torsional.model import Array
 
 TWICE = 4.0  # in power: the sound has twice the amplitude
 SEGMENT = 2_048  # samples: 4 Hz apart

@@ -10,8 +10,8 @@ from scipy.signal import find_peaks
 from scipy.special import gammainccinv
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
+from sim.chain.model import Array
 from sim.description.axis import Axis
-from sim.torsional.model import Array
 
 DESCRIBED_WITHIN = 0.15  # of the described speed: payload and override
 TRANSFORM = 65_536  # 0.12 Hz at 8 kHz: below what a cruise resolves

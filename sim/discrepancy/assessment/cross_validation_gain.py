@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
+from sim.chain.model import Array
 from sim.discrepancy.data.preprocessing import Bridge
 from sim.discrepancy.estimation.doubts import by_doubts
 from sim.discrepancy.estimation.estimate import Fit, Refits
@@ -15,7 +16,6 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.nominal import MOTOR_RELEASE, MOTOR_STRETCH, START
 from sim.discrepancy.results import Gain
-from sim.torsional.model import Array
 
 FOLDS, BLOCKS = 4, 16
 CUT_HZ = 40.0

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.chain.model import Array
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
@@ -15,7 +16,6 @@ from sim.discrepancy.hypotheses.nonparametric import Rows
 from sim.discrepancy.search.residual_proposals import BAND_HZ, ELSEWHERE, HIGHEST_HZ, LEAST_LEVEL, LOWEST_HZ, by_speed
 from sim.discrepancy.search.search import Selection
 from sim.discrepancy.unexplained import Unexplained
-from sim.torsional.model import Array
 
 BINS = 48
 SHARE = 0.06  # of the residual's energy: less is how a model's form differs from any real axis

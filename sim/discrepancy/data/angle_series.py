@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from sim.torsional.model import Array
+from sim.chain.model import Array
 
 ERROR_ORDERS = 10  # per turn of the load: errors of assembly; what repeats faster is of teeth
 WHOLE = 0.95  # of a turn: what is left of it hides no error once per turn

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.data.plausibility import inertias
 from sim.discrepancy.data.rigid_body import one_body
 from sim.discrepancy.data.sample_defects import quantum
-from sim.torsional.model import Array
 
 NAMES = {
     "torque": "motor_torque_nm",

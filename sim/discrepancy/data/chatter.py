@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import label, maximum, uniform_filter1d
 
-from sim.torsional.model import Array
+from sim.chain.model import Array
 
 KICK = 0.01  # of a step, by which all numbers are moved to see where
 MOST_BENT = 0.01  # noise deviations by which twice the kick may do other than twice as much: a step, one

@@ -10,9 +10,9 @@ from scipy.ndimage import find_objects, label
 
 from casebase.signals.clock import rows_of, stamps_from_zero
 from casebase.signals.telemetry import Telemetry
+from sim.chain.model import Array
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.data.sample_defects import Rows, quantum
-from sim.torsional.model import Array
 
 SAME = 1e-6  # of an interval: by which floating numbers are beside their rows
 NEAR = 0.301  # of the median interval, by which a step of an even clock differs at most: more than 0.3, a tie of digits

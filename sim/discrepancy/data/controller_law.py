@@ -16,8 +16,8 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.ndimage import median_filter
 from scipy.signal import butter, sosfiltfilt, welch
 
+from sim.chain.model import Array
 from sim.discrepancy.data.preprocessing import Measurement, smooth
-from sim.torsional.model import Array
 
 LAW_CUT_HZ = 80.0  # up to here drive and encoder follow what the axis does
 ERROR_DERIVATIVES, REFERENCE_DERIVATIVES = range(4), range(5)

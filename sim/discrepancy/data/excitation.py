@@ -8,10 +8,10 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from casebase.signals.telemetry import Telemetry
+from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import STANDSTILL_SHARE, Measurement, standstill_weight
 from sim.mechanisms.mechanism import Need
-from sim.torsional.model import Array
 
 LEAST_WAY = 0.05  # of the rows in motion that go the other way: the ends of the speed's range are taken from as many
 FEWEST_TURNS = 5.0  # of the motor in a record, from which one of them is short

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.discrepancy.data.angle_series import errors_over
 from sim.discrepancy.data.data_fault import InvestigationError
@@ -16,7 +17,6 @@ from sim.discrepancy.data.preprocessing import LEAST_ROWS, Measurement
 from sim.discrepancy.data.rigid_body import one_body
 from sim.discrepancy.data.sample_defects import Rows
 from sim.mechanisms.mechanism import Need
-from sim.torsional.model import Array
 
 SLIP = 1000.0  # mN m for N m, g for kg, mrad for rad: what a wrong prefix does to a number
 LATE_ROWS = 2  # of a torque that is read and filtered after the position

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.ndimage import binary_dilation, find_objects, label, uniform_filter1d
 
+from sim.chain.model import Array
 from sim.discrepancy.data.data_fault import Fault
 from sim.discrepancy.data.rigid_body import one_body
 from sim.discrepancy.data.sample_defects import QUANTA, Rows, bridged, jumps, moves_on, quantum, spikes, stays
 from sim.mechanisms import EncoderError, LostSamples
-from sim.torsional.model import Array
 
 REACH_ROWS = 8  # beside a jump over which its size is told
 RETURNS_S = 1.0  # a channel that is back within this time was away; one that stays has slipped

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.torsional.model import Array
+from sim.chain.model import Array
 
 
 def one_body(

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import find_objects, label, maximum_filter1d, median_filter, uniform_filter1d
 
-from sim.torsional.model import Array
+from sim.chain.model import Array
 
 Rows = NDArray[np.bool_]
 TREND_ROWS = 21  # whose mean is taken away, so that a spike shows on a slope

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import find_objects, label
 
 from casebase.signals.telemetry import Telemetry
+from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.discrepancy.data.channel_checks import check_channels
 from sim.discrepancy.data.clock import EvenRecord, evened
@@ -25,7 +26,6 @@ from sim.discrepancy.data.preprocessing import (
 from sim.discrepancy.data.repair import repair
 from sim.discrepancy.data.sample_defects import bridged, quantum
 from sim.mechanisms import Clipping, LostSamples
-from sim.torsional.model import Array
 
 __all__ = ["Fault", "Gate", "InvestigationError", "examine"]
 

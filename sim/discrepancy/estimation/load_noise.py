@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import freqz
 
+from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import LOAD_CUT_HZ, Measurement
 from sim.discrepancy.hypotheses.hypothesis import Term
@@ -16,7 +17,6 @@ from sim.discrepancy.model.effects import Response
 from sim.discrepancy.model.nominal import locked_mode_hz
 from sim.discrepancy.model.observer import GUIDE
 from sim.discrepancy.model.parameters import Values
-from sim.torsional.model import Array
 
 PLACES = 400
 DAMPED = 0.03  # damping ratio of the load on its springs, which are little damped

@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from sim.chain.model import Chain, ChainError
 from sim.description.axis import Axis
 from sim.discrepancy.data import chatter
 from sim.discrepancy.data.preprocessing import Measurement
@@ -37,7 +38,6 @@ from sim.discrepancy.model.nominal import base_parameters, chain_of, has_links, 
 from sim.discrepancy.model.observer import Observer
 from sim.discrepancy.model.parameters import Parameter, Stated
 from sim.discrepancy.parallel import each
-from sim.torsional.model import Chain, ChainError
 
 MISTAKEN = 5.0  # standard deviations off a data sheet, beyond which it has a number wrong
 BURST = 1e6  # times the torque: what a simulation that has burst is off by

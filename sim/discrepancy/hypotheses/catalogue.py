@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from sim import mechanisms
+from sim.chain.model import Chain
 from sim.description.axis import Axis
 from sim.discrepancy.data.angle_series import errors_over
 from sim.discrepancy.data.excitation import excitation_of
@@ -25,7 +26,6 @@ from sim.discrepancy.model.nominal import (
     has_links,
     stages_of,
 )
-from sim.torsional.model import Chain
 
 MOST_OF_SPEED = 0.4  # largest of the speeds at which low-speed friction has fallen
 

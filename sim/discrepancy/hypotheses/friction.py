@@ -6,6 +6,7 @@ from itertools import zip_longest
 
 import numpy as np
 
+from sim.chain.model import Chain, with_shaft
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.harmonics import parameter_key
@@ -20,7 +21,6 @@ from sim.discrepancy.model.nominal import (
 from sim.discrepancy.model.parameters import Parameter, Values
 from sim.mechanisms import CoulombFriction, FrictionAsymmetry, FrictionDrift, StribeckFriction, ViscousFriction
 from sim.mechanisms.mechanism import Mechanism
-from sim.torsional.model import Chain, with_shaft
 
 MOST_DRIFT = 1.0  # of friction, within a record
 

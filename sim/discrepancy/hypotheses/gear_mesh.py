@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sim.chain.model import Chain, Dent, with_link
 from sim.description.axis import Axis
 from sim.description.transmission import link_stiffness
 from sim.discrepancy.data.preprocessing import Array, Measurement
@@ -43,7 +44,6 @@ from sim.mechanisms import (
     ToothDamage,
     TorqueRippleOfMotor,
 )
-from sim.torsional.model import Chain, Dent, with_link
 
 FEWEST_TEETH = 8.0  # of a pinion
 LOSS_SIDES = ((0.0, 0.5), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0))  # tried first: a load encoder sees only what is behind

@@ -15,6 +15,8 @@ import numpy as np
 
 from casebase.signals.telemetry import Telemetry
 from sim import mechanisms
+from sim.chain.model import Array, Chain
+from sim.chain.reduction import chain_of
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.harmonics import AS_NEW_FACTOR, amplitude, cosine_and_sine, parameter_key
@@ -26,8 +28,6 @@ from sim.mechanisms.catalogue import kind_of
 from sim.mechanisms.mechanism import Measurement as Distortion
 from sim.mechanisms.mechanism import Mechanics, Mechanism
 from sim.mechanisms.mechanism import Parameter as Number
-from sim.torsional.model import Array, Chain
-from sim.torsional.reduction import chain_of
 
 Shape = Mapping[str, float]
 TORQUE = "motor_torque_nm"

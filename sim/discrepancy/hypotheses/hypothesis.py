@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.chain.model import Chain
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.traits import traits_of
 from sim.discrepancy.model.parameters import Parameter, Values
 from sim.mechanisms.traits import Traits
-from sim.torsional.model import Chain
 
 Array = NDArray[np.float64]
 Apply = Callable[[Chain, Values], Chain]

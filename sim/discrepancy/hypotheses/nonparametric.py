@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.chain.model import Array, Chain, with_link
 from sim.description.axis import Axis
 from sim.description.transmission import compliance
 from sim.discrepancy.data.angle_series import beyond_twice, orders_beyond_twice
@@ -30,7 +31,6 @@ from sim.discrepancy.hypotheses.traits import (
 )
 from sim.discrepancy.model.nominal import LOAD_CURVE, PARTS, wave
 from sim.discrepancy.model.parameters import Owner, Parameter, Values
-from sim.torsional.model import Array, Chain, with_link
 
 Rows = NDArray[np.bool_]
 CURVES = (OVER_SPEED, OVER_ANGLE)

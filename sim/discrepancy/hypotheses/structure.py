@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sim.chain.model import Chain, with_shaft
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import LOAD_CUT_HZ, Array, Measurement
 from sim.discrepancy.hypotheses.harmonics import amplitude, cosine_and_sine, parameter_key
@@ -17,7 +18,6 @@ from sim.discrepancy.model.nominal import (
 )
 from sim.discrepancy.model.parameters import Parameter, Values
 from sim.mechanisms import GravityImbalance, StructuralResonance
-from sim.torsional.model import Chain, with_shaft
 
 SOFTEST = 0.1  # damping ratio from which nothing swings: what is late or wrong in form asks for more
 LEAST_PEAK = 0.5  # torque of a part that swings at its own frequency over that of the whole load, where damped by SHARP

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import bilinear, lfilter, lfilter_zi
 
+from sim.chain.model import Array, Chain, with_shaft
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.mechanisms import StructuralResonance
 from sim.mechanisms.friction_asymmetry import shared_halves
-from sim.torsional.model import Array, Chain, with_shaft
 
 Response = NDArray[np.complex128]
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 from sim.assembly import drive_train_of
+from sim.chain.model import Chain, Link, Shaft
+from sim.chain.reduction import chain_of
 from sim.description.axis import Axis, Load
 from sim.errors import SimulationError
 from sim.mechanisms.catalogue import kind_of
 from sim.mechanisms.mechanism import Mechanics
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.model import Chain, Link, Shaft
-from sim.torsional.reduction import chain_of
 
 Part = TypeVar("Part", Shaft, Link)
 WHOLE = ("gap_rad",)  # what is as new is within it

@@ -6,14 +6,14 @@ import math
 from dataclasses import replace
 from functools import lru_cache
 
+from sim.chain.model import Chain, Line, Link
+from sim.chain.reduction import chain_of as simulated_chain_of
 from sim.description.axis import Axis, Load, Motor, Stage, Transmission
 from sim.description.transmission import compliance, link_damping, link_stiffness, usual_damping
 from sim.discrepancy.model.known_mechanisms import one_way, plain_train
 from sim.discrepancy.model.observer import NO_STRETCH_RAD, Nuisance
 from sim.discrepancy.model.parameters import Owner, Parameter, Stated, Values
 from sim.mechanisms import ElectricalHum, EncoderError, TimeDelay
-from sim.torsional.model import Chain, Line, Link
-from sim.torsional.reduction import chain_of as torsional_chain_of
 
 PARTS = ("sine", "cosine")
 OF_SHAFT = {
@@ -270,7 +270,7 @@ def chain_of(axis: Axis, values: Values) -> Chain:
 
 @lru_cache(maxsize=PLAIN_CHAINS)
 def _plain_chain(motor: Motor, load: Load, stages: tuple[Stage, ...], transmission: Transmission) -> Chain:
-    chain = torsional_chain_of(plain_train(Axis("", motor, load, stages, transmission)))
+    chain = simulated_chain_of(plain_train(Axis("", motor, load, stages, transmission)))
     return replace(chain, shafts=tuple(map(one_way, chain.shafts)))
 
 

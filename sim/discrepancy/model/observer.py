@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
+from sim.chain.integrate import steady_start
+from sim.chain.model import Array, Chain
 from sim.discrepancy.data.angle_series import beyond_twice
 from sim.discrepancy.data.preprocessing import LOAD_MOTION_CUT_HZ, Measurement
 from sim.discrepancy.model.observer_kernel import loudness, motor_torque, run, shaken
 from sim.discrepancy.model.packing import Packed, lag_of, pack, substeps
 from sim.laws import INV, VISCOUS_F, C, D, J
-from sim.torsional.integrate import steady_start
-from sim.torsional.model import Array, Chain
 
 Spectrum = NDArray[np.complex128]
 GUIDE_RAD_S = 2.0 * np.pi * 25.0  # bandwidth of the guide: above the drive train's modes that matter

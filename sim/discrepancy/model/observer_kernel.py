@@ -1,6 +1,6 @@
 """Compiled loop of the guided chain: the motor moves as measured, the load is drawn along its measured angle.
 
-Equations are those of `sim.torsional.model`; friction, spring and dents those of `sim.laws`, as in the
+Equations are those of `sim.chain.model`; friction, spring and dents those of `sim.laws`, as in the
 simulation. Three differences make the outputs differentiable in every parameter: friction and losses turn their sign
 over a finite speed, contact is the continuous branch of ElastoBacklash, and a spring and damper pull the load towards
 its encoder. What that guide has to pull is the load torque that the model lacks, so that an error of the model stays

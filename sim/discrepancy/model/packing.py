@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.chain.model import CLOCK, Array, Chain, Line
+from sim.chain.rows import dent_rows, line_rows, link_row, shaft_row
 from sim.laws import ROW
-from sim.torsional.model import CLOCK, Array, Chain, Line
-from sim.torsional.rows import dent_rows, line_rows, link_row, shaft_row
 
 Packed = tuple[Array | NDArray[np.int64], ...]
 LARGEST_PHASE = 1.0  # fastest rate times step, per Runge-Kutta step of order 4

@@ -15,6 +15,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from sim.chain.integrate import run_chain
+from sim.chain.model import Array, Chain, Servo, Shaft, with_shaft
 from sim.description.axis import Axis
 from sim.description.transmission import compliance
 from sim.discrepancy.data.preprocessing import SLOW_ANGLE_CUT_HZ, SLOW_DIRECT_ANGLE_CUT_HZ, Measurement, prepare
@@ -31,8 +33,6 @@ from sim.discrepancy.parallel import each
 from sim.discrepancy.results import Difference, MeasurementUtility, digits
 from sim.discrepancy.search.comparison import Model
 from sim.errors import RunError, SimulationError
-from sim.torsional.integrate import run_chain
-from sim.torsional.model import Array, Chain, Servo, Shaft, with_shaft
 
 SEPARATES = 20.0  # squares that a rival must leave beyond the truth: what any mechanism must take away to be named
 ENOUGH = 10.0 * SEPARATES

@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.model.nominal import has_links
-from sim.torsional.model import Array
 
 DURATION_S = 10.0
 LEVELS = (0.05, 0.15, 0.35, 0.65, 1.0)  # of the top speed, at which a law of friction shows

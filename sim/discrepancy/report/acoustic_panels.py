@@ -9,6 +9,7 @@ import numpy as np
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from casebase.signals.band import Band
 from casebase.signals.motion import HOP_HZ, loudness_db
+from sim.chain.model import Array
 from sim.discrepancy.acoustic.baseline_comparison import USUAL_DB, growth_curves
 from sim.discrepancy.acoustic.evidence import Listening
 from sim.discrepancy.acoustic.impacts import impacts, over_around
@@ -17,7 +18,6 @@ from sim.discrepancy.acoustic.spectral_lines import TRANSFORM, gamma_limit, mesh
 from sim.discrepancy.report.panels import SOUND, Panel
 from sim.mechanisms import BearingDefect, StructuralResonance
 from sim.mechanisms.catalogue import kind_of
-from sim.torsional.model import Array
 
 if TYPE_CHECKING:
     from sim.discrepancy.results import Investigation

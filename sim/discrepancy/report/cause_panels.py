@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.chain.model import Array
 from sim.description.transmission import compliance
 from sim.discrepancy.estimation.doubts import by_doubts
 from sim.discrepancy.hypotheses.hypothesis import Term
@@ -25,7 +26,6 @@ from sim.discrepancy.report.residual_panels import FEWEST_ROWS, OUTLIERS, Channe
 from sim.discrepancy.report.wording import numbers_of
 from sim.discrepancy.search.search import Selection
 from sim.mechanisms.catalogue import kind_or_any
-from sim.torsional.model import Array
 
 if TYPE_CHECKING:
     from sim.discrepancy.results import Finding, Investigation

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.torsional.model import Array
+from sim.chain.model import Array
 
 DIGITS = 4
 MEASURED, FLOOR = "measured", "noise floor"

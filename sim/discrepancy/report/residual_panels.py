@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from sim.chain.model import Array
 from sim.discrepancy.estimation.doubts import by_doubts
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.report.panels import DESCRIBED, EXTENDED, FLOOR, MEASURED, TAKEN, Panel
 from sim.discrepancy.search.search import Selection
-from sim.torsional.model import Array
 
 MEAN_S = 0.01  # values over time are means of this, which leaves what is below 50 Hz
 SHOWN_S = 8.0

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from sim.chain.model import Array
 from sim.discrepancy.estimation.estimate import Fit, Refits
-from sim.torsional.model import Array
 
 BLOCKS = 15
 KEPT = 0.05  # less than one block

@@ -10,6 +10,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import welch
 
 from sim import mechanisms
+from sim.chain.model import Array
 from sim.discrepancy.data.excitation import excitation_of, lacking
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.estimation.estimate import Fit
@@ -34,7 +35,6 @@ from sim.discrepancy.hypotheses.sensors import HUM_HZ, gain, hum
 from sim.discrepancy.search.score_test import Rest
 from sim.mechanisms.catalogue import kind_of
 from sim.mechanisms.traits import LEAST_GAIN
-from sim.torsional.model import Array
 
 LOWEST_HZ, HIGHEST_HZ = 2.0, 120.0  # above, teeth and their aliases
 MOTION = 5e-3  # of the largest power of the acceleration: below it the motion itself has ended

@@ -10,11 +10,11 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import lsq_linear
 
+from sim.chain.model import Array, ChainError
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.parallel import each
-from sim.torsional.model import Array, ChainError
 
 Screened = tuple[float, Term, Mapping[str, float]]
 BESIDE_HZ = 3.0  # to either side of a line, where others may be

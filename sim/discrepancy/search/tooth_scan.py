@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import freqz
 
+from sim.chain.model import Array, Chain
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.observer import GUIDE_RAD_S
-from sim.torsional.model import Array, Chain
 
 Complex = NDArray[np.complex128]
 SPEEDS = 12

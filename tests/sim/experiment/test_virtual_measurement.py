@@ -5,11 +5,11 @@ import pytest
 from scipy.signal import butter, find_peaks, sosfiltfilt
 
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
+from sim.chain.motion_profile import back_and_forth
 from sim.errors import SimulationError
 from sim.experiment.virtual_measurement import TELEMETRY_RATE_HZ, Measurement, measure
 from sim.mechanisms import Backlash, BearingDefect, ToothDamage, TorqueOffset
 from sim.mechanisms.catalogue import with_mechanism
-from sim.torsional.motion_profile import back_and_forth
 from tests.sim.axes import axis
 
 SECONDS = 9.6  # four cycles

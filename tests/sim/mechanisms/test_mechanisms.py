@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from casebase.signals.telemetry import Telemetry
 from sim.assembly import chain_of_axis, drive_train_of
+from sim.chain.integrate import run_chain
+from sim.chain.model import Chain, ChainResult, Servo
 from sim.description.axis import Axis, MechanismEntry
 from sim.description.axis_document import read_axis, write_axis
 from sim.errors import AxisError, ParameterError
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.catalogue import apply_mechanisms, mechanism_of, with_mechanism
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism
-from sim.torsional.integrate import run_chain
-from sim.torsional.model import Chain, ChainResult, Servo
 from tests.sim.axes import axis
 
 Array = NDArray[np.float64]

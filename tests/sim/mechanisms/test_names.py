@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[3]
 NAMED = re.compile(rf"({'|'.join(MECHANISMS)})(@.*)?")
 QUOTED = re.compile(rf"[\"'](?:{'|'.join(MECHANISMS)})")
 KINDS_OF_THE_DIAGNOSIS = {"casebase/signals/quality.py": {"clipping"}}  # disturbances, by the words of its document
-STATES = {"sim/torsional/model.py": {"hysteresis"}}  # what a link remembers
+STATES = {"sim/chain/model.py": {"hysteresis"}}  # what a link remembers
 FREE_OF_KINDS = ("search", "estimation", "assessment", "pooling", "next_measurement")
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from sim.chain.model import Array
 from sim.discrepancy.data.controller_law import DriveLaw, drive_law, quiet, told
 from sim.discrepancy.data.preprocessing import Measurement, gaussian_kernel, prepare
 from sim.discrepancy.estimation.whitening import Noise
-from sim.torsional.model import Array
 
 RATE_HZ = 2000.0
 INERTIA, COULOMB = 0.01, 0.8

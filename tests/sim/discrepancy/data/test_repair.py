@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
+from sim.chain.model import Array
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.sample_defects import jumps, spikes
 from sim.discrepancy.data.validation import Fault, examine
-from sim.torsional.model import Array
 from tests.sim.discrepancy.telemetry_of import geared
 
 AXIS = read_axis(

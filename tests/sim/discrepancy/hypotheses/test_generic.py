@@ -14,6 +14,7 @@ import pytest
 
 from casebase.signals.telemetry import Telemetry
 from sim import mechanisms
+from sim.chain.components import TorqueWave
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.validation import examine
@@ -30,7 +31,6 @@ from sim.mechanisms.catalogue import with_mechanism
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_names, with_error
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.components import TorqueWave
 from tests.sim.discrepancy.telemetry_of import geared, one_body
 
 BENCH = read_axis(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from sim.chain.model import Chain, Link, Shaft
 from sim.discrepancy.model.effects import lopsided
-from sim.torsional.model import Chain, Link, Shaft
 
 CHAIN = Chain((Shaft(0.01, 0.3, 2e-3), Shaft(2.0, 5.0, 4.0)), (Link(50.0, 1e5, 20.0),))
 

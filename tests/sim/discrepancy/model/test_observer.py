@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from sim.chain.model import Chain, Link, Shaft
 from sim.discrepancy.data.preprocessing import Measurement, prepare
 from sim.discrepancy.model.observer import Nuisance, Observer
-from sim.torsional.model import Chain, Link, Shaft
 from tests.sim.discrepancy.telemetry_of import RATE_HZ, swing
 
 

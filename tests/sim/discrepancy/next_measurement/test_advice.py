@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
+from sim.chain.model import Array
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.preprocessing import prepare
 from sim.discrepancy.estimation.estimate import Fit
@@ -22,7 +23,6 @@ from sim.discrepancy.next_measurement.plans import Present, even_speeds, there_a
 from sim.discrepancy.report.html import html_report
 from sim.discrepancy.results import Investigation, MeasurementUtility
 from sim.discrepancy.search.comparison import Model
-from sim.torsional.model import Array
 from tests.sim.discrepancy.telemetry_of import RATE_HZ, geared, one_body
 
 BODY = read_axis({"name": "bench", "motor": {"inertia_kg_m2": 0.3}, "load": {"inertia_kg_m2": 0.0}})

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
+from sim.chain.model import Array
 from sim.description.axis_document import read_axis
 from sim.discrepancy.acoustic.evidence import SILENT
 from sim.discrepancy.data.pairing import check_pairs
@@ -31,7 +32,6 @@ from sim.discrepancy.pooling.recording_evidence import weighed
 from sim.discrepancy.report.joint_html import html_report_together
 from sim.discrepancy.results import Estimate, Finding
 from sim.errors import AxisError
-from sim.torsional.model import Array
 from tests.sim.discrepancy.telemetry_of import one_body, swing
 from tests.sim.discrepancy.test_investigation import axis
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
+from sim.chain.model import Array
 from sim.discrepancy.search.own_noise import likelihood_in_band, share_in_band
-from sim.torsional.model import Array
 
 ROWS, RATE_HZ = 20_000, 500.0
 

@@ -12,6 +12,7 @@ from scipy.signal import lfilter, lsim
 from scipy.stats import chi2
 
 from casebase.signals.telemetry import Telemetry
+from sim.chain.model import Chain, Shaft
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.preprocessing import Measurement, prepare
 from sim.discrepancy.data.validation import examine
@@ -26,7 +27,6 @@ from sim.discrepancy.search.residual_proposals import line_of
 from sim.discrepancy.search.score_test import least_squares_within
 from sim.discrepancy.search.search import unmasked
 from sim.mechanisms.traits import LEAST_GAIN
-from sim.torsional.model import Chain, Shaft
 from tests.sim.discrepancy.telemetry_of import RATE_HZ, one_body
 from tests.sim.discrepancy.telemetry_of import swing as motion
 

@@ -1,4 +1,4 @@
-"""Components with no counterpart in Modelica.Mechanics.Rotational; their equations: `sim.torsional.model`.
+"""Components with no counterpart in Modelica.Mechanics.Rotational; their equations: `sim.chain.model`.
 
 They stand in a `DriveTrain` like any other component, in shafts in series: motor, gears and load.
 """

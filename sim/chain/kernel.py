@@ -1,4 +1,4 @@
-"""Compiled inner loop of engine 2: shafts in series over flat arrays (packed in `sim.torsional.packing`).
+"""Compiled inner loop of engine 2: shafts in series over flat arrays (packed in `sim.chain.packing`).
 
 Classical Runge-Kutta of order 4 with fixed steps between events. What is not smooth is a mode that is held
 during a step and changed only at a located instant: contact of each mesh, stick or slip of each shaft, driving
@@ -8,7 +8,7 @@ crossing zero ends the step; the instant is found on the Runge-Kutta solution it
 Three arrays hold everything, because numba counts references of every array it takes out of a tuple, which cost more
 than the physics: `p` parameters (shaft k at 16 k, link k at LINKS + 16 k, drive, rows of lines,
 waves, dents and ripples), `q` counts, offsets and modes, `w` working rows. Importing this module imports numba;
-`sim.torsional.reduction` does so at the first simulation. Friction, spring and dents are those of `sim.laws`,
+`sim.chain.reduction` does so at the first simulation. Friction, spring and dents are those of `sim.laws`,
 as in the observer of an investigation.
 """
 

@@ -8,6 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from sim.chain.components import GearMesh, Gravity, MeshLine, ServoDrive, ShaftFriction, TorqueRipple, TorqueWave
+from sim.chain.integrate import run_chain
+from sim.chain.model import CLOCK, Array, Chain, Dent, Drive, Line, Link, Servo, Shaft, Torque
+from sim.chain.motion_profile import back_and_forth
+from sim.chain.topology import Place, places_of
+from sim.chain.trajectory import trajectory_of
 from sim.errors import CompositionError, ParameterError, RunError, number
 from sim.rotational.component import Component
 from sim.rotational.components import (
@@ -26,12 +32,6 @@ from sim.rotational.components import (
 from sim.rotational.components import Torque as TorqueSource
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import MEMORY_LIMIT_BYTES, Trajectory
-from sim.torsional.components import GearMesh, Gravity, MeshLine, ServoDrive, ShaftFriction, TorqueRipple, TorqueWave
-from sim.torsional.integrate import run_chain
-from sim.torsional.model import CLOCK, Array, Chain, Dent, Drive, Line, Link, Servo, Shaft, Torque
-from sim.torsional.motion_profile import back_and_forth
-from sim.torsional.topology import Place, places_of
-from sim.torsional.trajectory import trajectory_of
 
 MIN_RATE_OF_SERVO_HZ = 1000.0
 

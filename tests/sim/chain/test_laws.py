@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim.chain.model import Dent
+from sim.chain.rows import dent_rows
 from sim.laws import dents, friction, spring
-from sim.torsional.model import Dent
-from sim.torsional.rows import dent_rows
 
 
 @pytest.mark.parametrize("slip", [-1.0, -0.4, -0.01, 0.0, 0.01, 0.4, 1.0])

@@ -10,12 +10,12 @@ import numba
 import numpy as np
 import pytest
 
-import sim.torsional
+import sim.chain
+from sim.chain import kernel
+from sim.chain.integrate import run_chain
+from sim.chain.model import Dent, Line, Servo, Torque, with_link, with_shaft
+from sim.chain.motion_profile import back_and_forth
 from sim.errors import RunError
-from sim.torsional import kernel
-from sim.torsional.integrate import run_chain
-from sim.torsional.model import Dent, Line, Servo, Torque, with_link, with_shaft
-from sim.torsional.motion_profile import back_and_forth
 from tests.sim.axes import three_shafts
 
 STUCK = "w[MARGIN + m] = _friction(s, 0.0, 1.0, t, p) + ahead"
@@ -67,7 +67,7 @@ def test_a_wrong_law_in_the_kernel_is_found(law: str, monkeypatch: pytest.Monkey
     assert right in source
     changed = types.ModuleType("changed")
     exec(compile(source.replace(right, wrong), kernel.__file__, "exec"), changed.__dict__)
-    monkeypatch.setattr(sim.torsional, "kernel", changed)
+    monkeypatch.setattr(sim.chain, "kernel", changed)
     with pytest.raises(RunError, match="residual"):
         run()
 

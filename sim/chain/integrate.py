@@ -1,4 +1,4 @@
-"""Engine 2: simulate shafts in series with everything that is not affine (equations: `sim.torsional.model`)."""
+"""Engine 2: simulate shafts in series with everything that is not affine (equations: `sim.chain.model`)."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.chain.model import Array, Chain, ChainError, ChainResult, Drive, Servo
+from sim.chain.rows import shaft_row
 from sim.errors import RunError
 from sim.laws import COULOMB_F, DRIFT, friction
 from sim.residual import INSTANTS, SMALLEST, TOLERANCE, Residual, check_finite, instants
-from sim.torsional.model import Array, Chain, ChainError, ChainResult, Drive, Servo
-from sim.torsional.rows import shaft_row
 
 LOG_ROWS = 20_000
 STICK = 1  # in the log
@@ -49,8 +49,8 @@ def run_chain(
     Raises ChainError for a wrong chain, drive or size before any work, RunError for a result that does not obey its
     equations.
     """
-    from sim.torsional import kernel as chain_kernel
-    from sim.torsional.packing import checked, pack, pack_drive
+    from sim.chain import kernel as chain_kernel
+    from sim.chain.packing import checked, pack, pack_drive
 
     p, q = pack(chain)
     n = len(chain.shafts)
@@ -89,8 +89,8 @@ def _check(
     p: Array, q: NDArray[np.int64], given: Array, grid: Array, result: ChainResult, names: Names | None
 ) -> Residual:
     """Hold a result against the equations at `instants`; raise RunError where it does not obey them."""
-    from sim.torsional import equations
-    from sim.torsional.kernel import DRIVE, KIND, SERVO
+    from sim.chain import equations
+    from sim.chain.kernel import DRIVE, KIND, SERVO
 
     rate, time = float(grid[0]), result.time_s
     for values in (result.angle_rad, result.speed_rad_s):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from sim.chain.components import OneFlange, ShaftFriction
 from sim.errors import CompositionError
 from sim.rotational.component import Component
 from sim.rotational.components import (
@@ -20,7 +21,6 @@ from sim.rotational.components import (
 )
 from sim.rotational.components import Torque as TorqueSource
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.components import OneFlange, ShaftFriction
 
 
 @dataclass

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.chain.components import ServoDrive
 from sim.description.axis import Axis
 from sim.description.transmission import compliance
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.components import ServoDrive
 
 Array = NDArray[np.float64]
 

@@ -6,12 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.rotational.components import Gearbox, Inertia, Sine
-from sim.rotational.components import Torque as TorqueSource
-from sim.rotational.drive_train import DriveTrain
-from sim.torsional.components import TorqueWave
-from sim.torsional.integrate import run_chain, stable_substeps
-from sim.torsional.model import (
+from sim.chain.components import TorqueWave
+from sim.chain.integrate import run_chain, stable_substeps
+from sim.chain.model import (
     Chain,
     ChainError,
     Dent,
@@ -23,9 +20,12 @@ from sim.torsional.model import (
     with_link,
     with_shaft,
 )
-from sim.torsional.motion_profile import back_and_forth
-from sim.torsional.reduction import simulate_chain
-from sim.torsional.trajectory import CONTACT, STICK
+from sim.chain.motion_profile import back_and_forth
+from sim.chain.reduction import simulate_chain
+from sim.chain.trajectory import CONTACT, STICK
+from sim.rotational.components import Gearbox, Inertia, Sine
+from sim.rotational.components import Torque as TorqueSource
+from sim.rotational.drive_train import DriveTrain
 from tests.sim.axes import three_shafts
 
 PUSH = Torque(amplitude_n_m=8.0, frequency_hz=1.1, phase_rad=0.4)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from sim.chain.model import Dent, Line, Link, Shaft, with_loss
 from sim.laws import turning_torque
 from sim.rotational.components.elasto_backlash import CONTACT_LAWS, NO_GAP
-from sim.torsional.model import Dent, Line, Link, Shaft, with_loss
 
 
 def shaft_row(shaft: Shaft) -> list[float]:

@@ -11,13 +11,13 @@ from functools import partial
 
 import numpy as np
 
+from sim.chain.components import Gravity, ServoDrive, TorqueRipple, TorqueWave
+from sim.chain.model import Array, Chain, ChainResult
+from sim.chain.topology import Place
 from sim.rotational.component import CONTACT_NAMES, SLIDING_NAMES
 from sim.rotational.components import Torque as TorqueSource
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import Channels, Event, Trajectory
-from sim.torsional.components import Gravity, ServoDrive, TorqueRipple, TorqueWave
-from sim.torsional.model import Array, Chain, ChainResult
-from sim.torsional.topology import Place
 
 CONTACT, STICK = 0, 1  # kinds in the engine's log
 

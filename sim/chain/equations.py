@@ -1,4 +1,4 @@
-"""The equations of shafts in series as they stand in `sim.torsional.model`, without modes, steps and events.
+"""The equations of shafts in series as they stand in `sim.chain.model`, without modes, steps and events.
 
 They are written apart from the kernel, over the same laws, and hold its results against themselves: at an instant, and
 from a sample to the next, where they are integrated in steps of their own. Importing this module imports numba.
@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from sim import laws
+from sim.chain.kernel import DENTS, DRIVE, LINES, LINKS, RIPPLES, SHAFTS, WAVES, WIDTH
 from sim.laws import (
     BF1,
     BF2,
@@ -44,7 +45,6 @@ from sim.laws import (
     D,
     J,
 )
-from sim.torsional.kernel import DENTS, DRIVE, LINES, LINKS, RIPPLES, SHAFTS, WAVES, WIDTH
 
 FINER = 2
 """Steps per step of the kernel: their error is a sixteenth of its own."""

@@ -1,4 +1,4 @@
-"""From a `Chain` and its drive to the flat arrays of `sim.torsional.kernel`."""
+"""From a `Chain` and its drive to the flat arrays of `sim.chain.kernel`."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim import laws
-from sim.torsional import kernel
-from sim.torsional.model import Array, Chain, ChainError, Drive, Servo
-from sim.torsional.rows import dent_rows, line_rows, link_row, shaft_row
+from sim.chain import kernel
+from sim.chain.model import Array, Chain, ChainError, Drive, Servo
+from sim.chain.rows import dent_rows, line_rows, link_row, shaft_row
 
 MAX_SHAFTS = 4
 
