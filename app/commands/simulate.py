@@ -143,7 +143,7 @@ def simulate_train(run: Run, path: Path, rate: float) -> dict[str, Any]:
 
     text = path.read_bytes()
     train = read_train(text)
-    result = run.watched(lambda _: simulate_any(train, run.duration, rate))
+    result = run.watched(lambda watch: simulate_any(train, run.duration, rate, watch=watch))
     columns = {"time_s": result.time_s, **result.channels}
     files = [run.out / name for name in ("train.toml", f"result.{run.table}", "events.csv")]
     run.out.mkdir(parents=True, exist_ok=True)
