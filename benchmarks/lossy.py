@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from benchmarks import Row
 from benchmarks.diagnosis import Sound, axis_sounds
+from benchmarks.encoded_sounds import encode
 from casebase.case_table import CaseTable
 from casebase.diagnosis import Reasoner
 from casebase.signals.decode import read_recording
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction, catalogue, extract
 from casebase.signals.recording import Recording
-from tests.casebase.signals.encoded import encode
 
 CODECS = {
     "MP3, 64 kbit/s, 48 kHz": ("mp3", "libmp3lame", 64_000, 48_000),

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from benchmarks.real_drives.drives import EPOS, robot
+from benchmarks.real_drives.drives import robot
 from casebase.signals.errors import TelemetryError
 from casebase.signals.telemetry import Telemetry, read_telemetry
 from tests.shared_data import shared
@@ -128,22 +128,12 @@ def test_a_parquet_table_has_its_own_types(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (("gearcase", "gearcase"), None),
-        (
-            ('column = "t"', 'column = "clock"'),
-            '[time_s] column = "clock" is not in the table; it has t, pos (5), v, i',
-        ),
+        (('column = "t"', 'column = "clock"'), 'column = "clock" is not in the table; it has t, pos (5), v, i'),
         (("column = 4", "column = 9"), "[motor_torque_nm] column = 9; the table has 4 columns"),
         (('unit = "N.m"\nfactor = 1', 'unit = "A"'), "[motor_torque_nm] unit = 'A' needs factor (N m per unit)"),
         (('unit = "rad"', 'unit = "count"'), "[motor_position_rad] unit = 'count' needs counts_per_rev"),
-        (
-            ('unit = "rad/s"', 'unit = "knots"'),
-            "[motor_speed_rad_s] unit = 'knots' is not known; there are rad/s, deg/s",
-        ),
-        (
-            ('unit = "N.m"', 'unit = "mA"'),
-            'there are N.m, mN.m, N, A, %; write unit = "A", with the factor in N m per mA',
-        ),
+        (('unit = "rad/s"', 'unit = "knots"'), "[motor_speed_rad_s] unit = 'knots' is not known; there are rad/s"),
+        (('unit = "N.m"', 'unit = "mA"'), 'write unit = "A", with the factor in N m per mA'),
         (('unit = "rad/s"', 'unit = "1/min"'), '; write unit = "rpm"'),
         (("[motor_torque_nm]", "[torque]"), "[torque] is no channel; there are"),
         (("factor = 1", "factor = 0"), "factor = 0 has to be a number other than 0"),
@@ -153,15 +143,11 @@ def test_a_parquet_table_has_its_own_types(tmp_path: Path) -> None:
     ],
 )
 def test_a_wrong_line_of_a_map_is_named_with_what_would_be_right(
-    tmp_path: Path, change: tuple[str, str], words: str | None
+    tmp_path: Path, change: tuple[str, str], words: str
 ) -> None:
-    text = PLAIN.replace(*change, 1)
-    if words is None:
-        return is_the_motion(read(tmp_path / "t.csv", table(COLUMNS), text))
     with pytest.raises(TelemetryError) as refused:
-        read(tmp_path / "t.csv", table(COLUMNS), text)
+        read(tmp_path / "t.csv", table(COLUMNS), PLAIN.replace(*change, 1))
     assert words in str(refused.value)
-    return None
 
 
 def test_channels_under_their_own_names_need_no_map_in_any_layout(tmp_path: Path) -> None:
@@ -186,52 +172,6 @@ def test_a_robots_log_is_read_as_it_is() -> None:
     place = int(np.argmin(np.abs(found["motor_position_rad"] - known["motor_position_rad"][0])))
     assert place >= 0
     assert np.ptp(found["motor_torque_nm"]) == pytest.approx(np.ptp(known["motor_torque_nm"]), rel=0.2)
-
-
-def test_a_recorders_export_is_read_as_it_is() -> None:
-    """Semicolons, 13 rows above, units in a row of their own, ms, rpm, per cent of 9.84 mN m."""
-    for path in sorted(of_drives("tro", "drive1", "as_logged").glob("*.csv")):
-        found = read_telemetry(path, channels=EPOS)
-        period_ms = path.read_text("latin-1").partition("Sampling period:;")[2].split()[0]
-        assert 1e3 * found.interval_s == pytest.approx(float(period_ms))
-        assert 1.0 < np.abs(found["motor_speed_rad_s"]).max() < 1000.0
-        assert np.abs(found["motor_torque_nm"]).max() < 0.02
-
-
-def test_one_motor_of_several_is_taken_with_times_of_iso8601_and_counts() -> None:
-    text = """
-        [time_s]
-        column = "timestamp"
-        unit = "iso8601"
-        [motor_position_rad]
-        column = "pos (5)"
-        unit = "count"
-        counts_per_rev = 4096
-    """
-    found = read_telemetry(of_drives("robonine", "motor_telemetry_single.csv"), channels=text)
-    assert found.sample_rate_hz == pytest.approx(10.0, rel=0.05)
-    assert found.ignored == ()
-    assert 0.0 < np.ptp(found["motor_position_rad"]) < 2 * np.pi
-
-
-def test_channels_that_have_not_begun_yet_do_not_hinder() -> None:
-    text = """
-        [time_s]
-        column = "time"
-        [motor_position_rad]
-        column = "ODrive 0 Position"
-        unit = "rev"
-        [motor_speed_rad_s]
-        column = "ODrive 0 Velocity"
-        unit = "rev/s"
-        [motor_torque_nm]
-        column = "ODrive 0 Current"
-        unit = "A"
-        factor = 0.055133
-    """
-    found = read_telemetry(of_drives("odrive_winch", "up1_1kg_as_logged.csv"), channels=text)
-    assert found.rows > 500
-    assert np.isfinite(found["motor_torque_nm"]).all()
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import soundfile
 
+from benchmarks.encoded_sounds import BY_AV, LOSSLESS, LOSSY, RATE, chunk, encode, fmt, noise, pcm, riff
 from casebase.signals.decode import DecodeLimits, read_recording
 from casebase.signals.errors import BrokenAudioError, NotAudioError
 from casebase.signals.features import Severity, extract
 from casebase.signals.recording import Recording
-from tests.casebase.signals.encoded import BY_AV, LOSSLESS, LOSSY, RATE, chunk, encode, fmt, noise, pcm, riff
 from tests.casebase.signals.synthetic import RATE_HZ, Joint, sound
 from tests.shared_data import shared
 

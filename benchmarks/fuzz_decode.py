@@ -1,6 +1,6 @@
 """Spoilt sound files, many of them, through the decoder: read or refused, never a crash of the one who asked.
 
-python -m tests.casebase.signals.fuzz_decode --files 100000
+python -m benchmarks.fuzz_decode --files 100000
 """
 
 import argparse
@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.encoded_sounds import seeds
 from casebase.signals.decode import LIMITS, read_recording
 from casebase.signals.errors import BrokenAudioError, DecoderUnavailableError, SignalError
 from casebase.signals.limited_pool import SOUNDS
-from tests.casebase.signals.encoded import seeds
 
 SIZES = (0, 1, 2, 7, 0x7F, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFF0, 0xFFFFFFFE, 0xFFFFFFFF)
 GIVEN_UP = "given up"
