@@ -21,6 +21,8 @@ Engine = Literal["exact", "chain"]
 MAX_DURATION_S = 1e6
 MAX_RATE_HZ = 1e6
 KEPT_ENGINES = 16
+CHAIN_WIDTH = 17
+"""Numbers that four shafts in series give of a sample."""
 _engines: OrderedDict[tuple[int, float], tuple[DriveTrain, ExactEngine]] = OrderedDict()
 _lock = Lock()
 
@@ -63,7 +65,8 @@ def simulate(
     if _pick(drive_train, engine) == "chain":
         from sim.chain.reduction import simulate_chain
 
-        return simulate_chain(drive_train, duration_s, sample_rate_hz, watch)
+        _check_memory(samples, CHAIN_WIDTH, duration_s)
+        return simulate_chain(drive_train, samples, sample_rate_hz, watch)
     exact = _engine(drive_train, sample_rate_hz)
     _check_memory(samples, exact.system.state_width, duration_s)
     return _trajectory(exact, exact.run(samples), sample_rate_hz)
@@ -78,9 +81,8 @@ def _samples(duration_s: float, sample_rate_hz: float) -> int:
 def _check_memory(samples: int, width: int, duration_s: float) -> None:
     if samples * width * 8 > MEMORY_LIMIT_BYTES:
         longest = MEMORY_LIMIT_BYTES / (8 * width) * duration_s / samples
-        raise RunError(
-            f"duration_s: {duration_s:g} s at this rate needs {samples * width * 8 / 1e9:.1f} GB; at most "
-            f"{longest:.0f} s fit at once"
+        raise ParameterError(
+            f"duration_s: must be at most {longest:.0f} s at this rate (2 GB of results), got {duration_s:g}"
         )
 
 

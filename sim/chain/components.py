@@ -128,6 +128,11 @@ class ShaftFriction(SeriesOnly):
         number("ShaftFriction.stribeck_exponent", self.stribeck_exponent, "1", above=0)
         number("ShaftFriction.drift", self.drift, "1/s")
 
+    def backward(self, name: str) -> float:
+        """`coulomb` or `viscous` for w < 0."""
+        value = getattr(self, f"{name}_backward")
+        return float(getattr(self, name) if value is None else value)
+
 
 @dataclass(frozen=True)
 class OneFlange(SeriesOnly):

@@ -80,6 +80,7 @@ GAP = 0  # or a piece of the law of contact with the sign of the flank
 Y, K1, RATE, STAGE, TOTAL, FORCE, MARGIN, AT_START, AT_END, ASKS, GIVES = 0, 12, 24, 36, 48, 60, 64, 84, 104, 124, 128
 STATES, MARGINS, SHAFT_MARGIN, W_SIZE = 11, 20, 12, 132
 MAX_EVENTS_PER_STEP = 40
+HALVINGS = 30
 
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract", "nsz"}, "nogil": True}
 
@@ -363,11 +364,25 @@ def _settle(t: float, u: float, tolerance: float, log: Matrix, count: int, p: Fl
 
 @_jit
 def _locate(m: int, t: float, h: float, value: float, u: float, du: float, p: Floats, q: Ints, w: Floats) -> float:
-    """Length of the step after which margin m (`value` < 0 at h) has just run out: Illinois' regula falsi."""
+    """Length of the step after which margin m (`value` < 0 at h) has just run out: Illinois' regula falsi.
+
+    A margin that begins at zero may rise before it runs out, as the speed of a shaft that breaks away and sticks again
+    within one step: the bracket then begins where it is found above zero; 0.0 where it nowhere is.
+    """
     a = 0.0
     b = h
     at_a = w[AT_START + m]
     at_b = value
+    if at_a <= 0.0:
+        a = h
+        for _ in range(HALVINGS):
+            a *= 0.5
+            _advance(t, a, u, du * a / h, p, q, w)
+            at_a = w[MARGIN + m]
+            if at_a > 0.0:
+                break
+        else:
+            return 0.0
     last = 0
     for _ in range(80):
         tau = b - at_b * (b - a) / (at_b - at_a)
@@ -398,14 +413,14 @@ def _earliest(t: float, h: float, u: float, du: float, p: Floats, q: Ints, w: Fl
         value = w[AT_END + m]
         if value >= 0.0:
             continue
-        if w[AT_START + m] <= 0.0:
-            return 0.0, m
         if first >= 0:
             _advance(t, tau, u, du * tau / h, p, q, w)
             value = w[MARGIN + m]
         if value < 0.0:
             tau = _locate(m, t, tau, value, u, du * tau / h, p, q, w)
             first = m
+            if tau == 0.0:
+                break
     return tau, first
 
 

@@ -91,13 +91,11 @@ def _with(train: DriveTrain, place: str, torque: float, slope: float) -> DriveTr
     if torque == slope == 0.0:
         return train
     old = friction_at(train, place)
-    coulomb = old.coulomb if old.coulomb_backward is None else old.coulomb_backward
-    viscous = old.viscous if old.viscous_backward is None else old.viscous_backward
     new = replace(
         old,
         coulomb=old.coulomb + torque,
-        coulomb_backward=coulomb - torque,
+        coulomb_backward=old.backward("coulomb") - torque,
         viscous=old.viscous + slope,
-        viscous_backward=viscous - slope,
+        viscous_backward=old.backward("viscous") - slope,
     )
     return with_friction(train, place, new)

@@ -79,7 +79,7 @@ SHAFT = DriveTrain.series(torque=Torque(Constant(1)), shaft=Inertia(J=1))
         (lambda: simulate(SHAFT, -1), "duration_s"),
         (lambda: simulate(SHAFT, NAN), "duration_s"),
         (lambda: simulate(SHAFT, 1, 0), "sample_rate_hz"),
-        (lambda: simulate(SHAFT, 1e5, 8000), "s fit at once"),
+        (lambda: simulate(SHAFT, 1e5, 8000), "duration_s: must be at most"),
         (lambda: simulate(SHAFT, 1, engine="euler"), "engine: must be"),  # type: ignore[arg-type]
         (lambda: simulate(SHAFT.add("loose", Spring(c=1), flange_a="shaft.flange_b"), 1)["spring.tau"], "spring.tau"),
         (lambda: SHAFT["shft"], "did you mean 'shaft'"),

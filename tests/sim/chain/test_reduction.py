@@ -21,11 +21,11 @@ from sim.chain.model import (
     with_shaft,
 )
 from sim.chain.motion_profile import back_and_forth
-from sim.chain.reduction import simulate_chain
 from sim.chain.trajectory import CONTACT, STICK
 from sim.rotational.components import Gearbox, Inertia, Sine
 from sim.rotational.components import Torque as TorqueSource
 from sim.rotational.drive_train import DriveTrain
+from sim.solver import simulate
 from tests.sim.axes import three_shafts
 
 PUSH = Torque(amplitude_n_m=8.0, frequency_hz=1.1, phase_rad=0.4)
@@ -167,7 +167,7 @@ def test_a_torque_over_time_moves_a_shaft_as_the_same_torque_of_its_motor_does()
     driven = paper_train(40.0, 1000.0, 1e-3)
     wave = TorqueWave(torque=12.0, frequency=0.45)
     shaken = driven.remove("torque").add("wave", wave, flange="motor.flange_a")
-    one, other = (simulate_chain(train, 2.0, 2000.0) for train in (driven, shaken))
+    one, other = (simulate(train, 2.0, 2000.0, engine="chain") for train in (driven, shaken))
     for name in ("motor.phi", "load.phi"):
         assert np.abs(one[name] - other[name]).max() <= 1e-9 * np.ptp(one[name])
     np.testing.assert_allclose(other["wave.tau"], one["torque.tau"], atol=1e-9)
