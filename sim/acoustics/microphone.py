@@ -138,10 +138,14 @@ def hear(
     weights = np.broadcast_to(np.asarray(microphone.mesh_weights, dtype=np.float64), (meshes,))
     force = mesh_torque_n_m @ weights
     force -= force.mean()
-    top = float(np.abs(speed_rad_s).max(initial=0.0))
-    if top > 0:
-        level = (np.abs(speed_rad_s) / top) ** microphone.rubbing_exponent
-        force += microphone.rubbing_n_m * level * random.standard_normal(n, dtype=np.float32)
+    rubbing = np.abs(speed_rad_s)
+    top = float(rubbing.max(initial=0.0))
+    if top > 0:  # in place: another array of a long run takes longer than the numbers in it
+        rubbing /= top
+        rubbing **= microphone.rubbing_exponent
+        rubbing *= microphone.rubbing_n_m
+        rubbing *= random.standard_normal(n, dtype=np.float32)
+        force += rubbing
     size = fft.next_fast_len(n + int(sample_rate_hz / 2), real=True)
     path, noise = _path_and_noise(replace(microphone, gain=1.0), size, sample_rate_hz)
     spectrum = fft.rfft(force.astype(np.float32), size)
