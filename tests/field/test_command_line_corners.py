@@ -11,13 +11,11 @@ from threading import Thread
 import pytest
 
 from app.commands.exit_codes import BAD_INPUT, DONE
-from casebase.signals.errors import TelemetryError, TextError
+from casebase.signals.errors import TelemetryError
 from casebase.signals.telemetry import read_telemetry
-from casebase.signals.text import text_of
 from sim.description.axis_document import read_axis
 from tests.app.sounds import sound
 from tests.live import gearcase
-from tests.shared_data import shared
 
 TOML = 'name = "würze"\r\n[motor]\r\ninertia_kg_m2 = 0.6\r\n[load]\r\ninertia_kg_m2 = 20\r\n'
 
@@ -141,19 +139,3 @@ def test_telemetry_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
         else:
             with pytest.raises(TelemetryError, match="no column says the time"):
                 read_telemetry(tmp_path / "t.csv")
-
-
-@pytest.mark.parametrize("content", [b"\xff", b"\xff\xfea", b"caf\xe9"])
-def test_bytes_that_are_no_text_are_said_to_be_none(content: bytes) -> None:
-    with pytest.raises(TextError, match="no UTF-8 text"):
-        text_of(content)
-
-
-def test_files_of_the_field(tmp_path: Path) -> None:
-    field = shared("data", "field", "16-cli-windows")
-    axis = tmp_path / "bom.toml"
-    axis.write_bytes((field / "bom.toml.bin").read_bytes())
-    assert axis.read_bytes().startswith(b"\xef\xbb\xbf")
-    (entry,) = entries("diagnose", field, "--axis", axis, data_dir=tmp_path)
-    assert entry["file"] == str(field / "00_plain.wav")
-    assert entry["recording"]["axis"] == read_axis(axis).name  # type: ignore[index]

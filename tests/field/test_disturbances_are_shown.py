@@ -5,13 +5,10 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from sqlalchemy import select
 
 from app.web.charts import waveform
 from app.web.diagnosis_view import analysed
 from app.web.disturbed import marked, stretches
-from casebase.library import CaseLibrary
-from casebase.models import StoredDiagnosis
 from casebase.signals.condition import UNKNOWN
 from casebase.signals.disturbances import Survey, survey
 from casebase.signals.quality import DISTURBANCES
@@ -19,8 +16,6 @@ from tests.app.sounds import wav
 from tests.casebase.signals.synthetic import KNOCK_S, SILENT_S, Joint, disturbed, sound
 from tests.live import LiveServer, started
 from tests.web.reading import Markup
-
-TOO_POOR = "the recording is too poor for a label to be relied on: see what is said of it, and record again"
 
 
 @pytest.fixture(scope="module")
@@ -118,45 +113,3 @@ def test_page_and_report_name_what_is_left_out_without_script(server: LiveServer
         report = Markup(client.get(f"/api/v1/diagnoses/{answer['id']}/report", headers=headers).text)
     assert "Left out: silence 0.0 to" in report.text
     assert report.count("rect", class_="stretch") == shown.count("rect", class_="stretch")
-
-
-def test_diagnosis_from_before_opens(server: LiveServer) -> None:
-    """Diagnoses of earlier versions have neither disturbances nor times of quality flags."""
-    with server.client("operator") as client:
-        files = {"file": ("old.wav", wav(disturbed(3).samples))}
-        made = client.post("/api/v1/diagnoses", files=files).raise_for_status().json()["id"]
-    library = CaseLibrary.open(server.data_dir)
-    with library.transaction("test") as session:
-        row = session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id == made)).one()
-        quality = [{name: flag[name] for name in ("name", "severity", "reason")} for flag in row.document["quality"]]
-        row.document = {k: v for k, v in row.document.items() if k != "disturbances"} | {"quality": quality}
-    library.close()
-    with server.client("viewer") as client:
-        old = client.get(f"/api/v1/diagnoses/{made}").raise_for_status().json()
-        client.get(f"/api/v1/diagnoses/{made}/report", headers={"Accept": "text/html"}).raise_for_status()
-    assert old["disturbances"] == []
-    assert old["quality"]
-    assert all(flag["start_s"] is None for flag in old["quality"])
-    assert page(server, f"/diagnoses/{made}").count("rect", class_="stretch") >= 2
-
-
-def poor(**changes: object) -> dict[str, Any]:
-    """A document of a recording with wind, of which the nearest cases agree."""
-    support = {"measured": 3, "simulated": 0}
-    reason = "from 1.0 s, 4.0 s in all: a rumble that comes and goes, too much to be left out: record again without it"
-    wind = {"name": "wind", "severity": "poor", "reason": reason, "start_s": 1.0, "end_s": 9.0}
-    return {
-        "verdict": "ambiguous",
-        "label": "play",
-        "probability": 0.96,
-        "hypotheses": [
-            {"label": "play", "probability": 0.96, "p_value": 0.9, "support": support},
-            {"label": "normal", "probability": 0.04, "p_value": 0.2, "support": support},
-        ],
-        "severity": None,
-        "quality": [wind],
-        "novelty": {"distance": 0.3, "threshold": 1.0},
-        "remarks": [TOO_POOR, "another remark"],
-        "provenance": {"gearboxes": 4},
-        **changes,
-    }

@@ -17,7 +17,6 @@ from app.web.pages import PAGES
 from sim.experiment.paper_axis import PAPER_AXIS
 from tests.app.sounds import sound
 from tests.live import LiveServer
-from tests.shared_data import shared
 
 DIAGNOSES = "/api/v1/diagnoses"
 MARK = "\ufeff".encode()
@@ -235,16 +234,3 @@ def test_client_that_leaves_in_mid_upload_is_499_and_no_error(
         assert len(client.get("/api/v1/keys").json()["items"]) == keys
     assert not list((live_server.data_dir / "incoming").glob("*"))
     assert not open_files(live_server)
-
-
-def test_recording_of_the_field(admin: httpx.Client) -> None:
-    content = shared("data", "field", "15-http", "00_plain.wav").read_bytes()
-    nameless = sent(admin, ('form-data; name="file"', content))
-    assert (nameless.status_code, "file name" in nameless.json()["detail"]) == (400, True)
-    named = sent(
-        admin,
-        ("form-data; name=file; filename*=UTF-8''00_plain.wav", content),
-        ('form-data; name="metadata"', MARK + b'{"gearbox": "field"}'),
-    )
-    assert named.status_code == 201, named.text
-    assert named.json()["recording"]["file_name"] == "00_plain.wav"

@@ -1,11 +1,9 @@
 """What is typed of a recording is held against axis, library and sound; what is contradicted is named and not used."""
 
-import csv
 import json
 import math
 from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from sqlalchemy import select
@@ -13,7 +11,7 @@ from sqlalchemy import select
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
 from casebase.models import Case, StoredRecording
-from casebase.plausibility import Expected, Known, held_against, measured
+from casebase.plausibility import Expected, Known, held_against
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import EXTRACTOR_VERSION
 from casebase.signals.motion import Motion
@@ -21,6 +19,7 @@ from casebase.signals.quality import Severity
 from tests.app.sounds import sound
 from tests.casebase.conftest import library
 from tests.casebase.made import extraction, recording
+from tests.field.libraries import Library
 from tests.live import LiveServer, gearcase
 from tests.shared_data import shared
 
@@ -149,7 +148,6 @@ def test_library_knows_what_its_measured_cases_of_the_axis_have(library: CaseLib
     with library.reading() as session:
         found = library.retrieve.measured(session, "axis-a")
         assert found.speed_rad_s == Known(2.0, 3.0, "the 3 measured cases of 'axis-a'")
-        assert found == measured(session, "axis-a")
         assert found.payload_kg_m2 is None
 
 
@@ -176,21 +174,6 @@ def test_over_http_the_typed_value_stays_in_the_description(live_server: LiveSer
     assert "speed_rad_s" not in taken["description"]["condition"]
 
 
-@pytest.fixture(scope="module")
-def four_gearboxes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A library of the 24 recordings of the gearboxes g00 to g03."""
-    folder, data_dir = shared("data", "axis_recordings"), tmp_path_factory.mktemp("four") / "data"
-    with (folder / "manifest.csv").open() as file:
-        rows = [row for row in csv.DictReader(file) if row["gearbox"] < "g04"]
-    assert len(rows) == 24
-    for row in rows:
-        words = ("--label", row["label"], "--gearbox", row["gearbox"], "--axis", folder / "axis.toml")
-        taken = ("--speed", row["speed_rad_s"], "--payload", row["payload_kg_m2"])
-        done = gearcase("cases", "add", folder / row["file"], *words, *taken, data_dir=data_dir)
-        assert done.code == 0, done.stdout
-    return data_dir
-
-
 @pytest.mark.parametrize(
     ("option", "value", "flag", "words"),
     [
@@ -200,27 +183,27 @@ def four_gearboxes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ],
 )
 def test_speeds_and_payloads_of_the_field(
-    four_gearboxes: Path, option: str, value: float, flag: str | None, words: str
+    measured: Library, option: str, value: float, flag: str | None, words: str
 ) -> None:
     """What was typed wrong changes nothing but the flag: the diagnosis is the one without it."""
     file = shared("data", "field", "14-speed-and-period-mistakes", "00_plain.wav")
     how = ("diagnose", file, "--axis", shared("data", "axis_recordings", "axis.toml"), "--json")
     typed, silent = (
-        json.loads(gearcase(*how, *more, data_dir=four_gearboxes).stdout)[0] for more in ((option, str(value)), ())
+        json.loads(gearcase(*how, *more, data_dir=measured.data_dir).stdout)[0] for more in ((option, str(value)), ())
     )
     flags = {each["name"]: each["reason"] for each in typed["quality"] if each["name"].endswith("_contradicts")}
     assert list(flags) == ([flag] if flag else [])
     assert words in flags.get(str(flag), "")
     if flag is not None:
         assert typed["hypotheses"] == silent["hypotheses"]
-        with closing(CaseLibrary.open(four_gearboxes)) as opened, opened.reading() as session:
+        with closing(CaseLibrary.open(measured.data_dir)) as opened, opened.reading() as session:
             row = session.get_one(StoredRecording, typed["recording"]["id"])
         assert list(row.description["extra"]["contradicted"].values()) == [value]
 
 
-def test_nothing_contradicts_what_the_library_was_made_of(four_gearboxes: Path) -> None:
+def test_nothing_contradicts_what_the_library_was_made_of(measured: Library) -> None:
     """No measured recording of the axis is flagged by what the others have."""
-    with closing(CaseLibrary.open(four_gearboxes)) as opened, opened.reading() as session:
+    with closing(CaseLibrary.open(measured.data_dir)) as opened, opened.reading() as session:
         rows = session.scalars(select(StoredRecording).join(Case)).all()
     assert len(rows) == 24
     assert all(row.speed_rad_s for row in rows)

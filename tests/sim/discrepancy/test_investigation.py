@@ -10,7 +10,6 @@ from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.discrepancy.investigation import investigate
-from sim.discrepancy.report.html import html_report
 from sim.discrepancy.results import Investigation
 from tests.sim.discrepancy.telemetry_of import one_body, swing
 
@@ -56,12 +55,6 @@ def test_friction_that_rises_at_low_speed_is_named(exponent: float) -> None:
     assert 1.0 <= fall.low <= fall.high <= 2.0
 
 
-def test_friction_that_differs_by_direction_is_named() -> None:
-    _, _, speed, _ = swing()
-    result = investigate(axis(), one_body(0.3, 1.0, 0.02, 7, extra=0.006 * np.abs(speed)))
-    assert [f.mechanism for f in result.findings] == ["friction_asymmetry"]
-
-
 def test_what_has_a_fixed_frequency_and_no_name_is_unnamed() -> None:
     t, _, _, _ = swing()
     result = investigate(axis(), one_body(0.3, 1.0, 0.02, 8, extra=0.25 * np.sin(2 * math.pi * 17.3 * t)))
@@ -91,11 +84,6 @@ def again(axis: Axis, telemetry: Telemetry) -> tuple[Investigation, Investigatio
     """What is found, and what is found once that is described."""
     first = investigate(axis, telemetry)
     return first, investigate(read_axis(json.loads(json.dumps(first.document()["extended_axis"]))), telemetry)
-
-
-def test_the_extended_axis_leaves_nothing_to_find() -> None:
-    first, second = again(axis(coulomb=0.0, viscous=0.0), one_body(0.3, 1.0, 0.02, 5))
-    assert (first.verdict, second.verdict) == ("named", "nothing_missing")
 
 
 @pytest.mark.parametrize("what", ["electrical_hum", "friction_asymmetry", "stribeck_friction", "time_delay"])
@@ -131,16 +119,6 @@ def test_the_same_bytes_give_the_same_document_of_finite_numbers() -> None:
         "provenance",
     )
     assert all(name in one for name in needed)
-
-
-def test_the_report_is_one_file_that_loads_nothing() -> None:
-    page = html_report(investigate(axis(coulomb=0.0), one_body(0.3, 1.0, 0.02, 5)))
-    assert "<svg" in page
-    assert "coulomb friction" in page
-    assert "slower than 0.71 rad/s do not count" in page  # 1.2 % of the largest speed
-    assert "<script" not in page
-    assert 'src="http' not in page
-    assert 'href="http' not in page
 
 
 @pytest.mark.parametrize("size_n_m", [0.5, 0.05])

@@ -14,11 +14,8 @@ from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.discrepancy.acoustic.evidence import Listening
 from sim.discrepancy.acoustic.fusion import listen_alone
-from sim.discrepancy.data.pairing import check_pairs
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.report.html import html_report
-from sim.discrepancy.report.summary import story
-from sim.errors import AxisError
 
 Array = NDArray[np.float64]
 RATE, SECONDS, STROKE_S, RAMP_S = 8_000, 24, 2.0, 0.3
@@ -198,12 +195,6 @@ def test_a_speed_that_is_only_described_is_not_compared() -> None:
     assert "heard as a line as new" in listening.not_examined["mesh_error"]
 
 
-def test_a_fault_of_the_recording_as_new_is_told() -> None:
-    clipped = Recording(np.clip(AS_NEW.samples, -0.02, 0.02), float(RATE))
-    remarks = listen_alone(AXIS, [heard(27)], [clipped]).remarks
-    assert any(remark.startswith("Sound as new, the first: ") for remark in remarks)
-
-
 def test_another_gearbox_makes_a_remark() -> None:
     random = np.random.default_rng(13)
     other = rung((700.0, 0.02, 1.0), random.standard_normal(AS_NEW.samples.size)) + rung(
@@ -216,15 +207,6 @@ def test_another_gearbox_makes_a_remark() -> None:
     assert not any("another gearbox" in remark for remark in listen_alone(AXIS, [heard(14)], [AS_NEW]).remarks)
 
 
-def test_document_and_report_say_what_was_compared() -> None:
-    now = heard(15, loose=True)
-    found = investigate(AXIS, None, now, as_new=[AS_NEW])
-    document = found.document()
-    assert document["provenance"]["as_new_sha256"] == AS_NEW.sha256  # type: ignore[index]
-    assert "Louder than as new" in html_report(found, ["axis.toml", "sound.wav", "as_new.wav"])
-    assert any(panel["title"].startswith("Louder than as new") for panel in story(found)["overlay"])  # type: ignore[attr-defined, index]
-
-
 @pytest.mark.parametrize("samples", [np.zeros(400), np.zeros(RATE), np.random.default_rng(1).normal(size=3 * RATE)])
 def test_what_is_too_short_silent_or_steady_is_told_and_not_compared(samples: Array) -> None:
     poor = Recording(samples.astype(np.float32), float(RATE))
@@ -232,11 +214,6 @@ def test_what_is_too_short_silent_or_steady_is_told_and_not_compared(samples: Ar
         found = investigate(AXIS, None, now, as_new=[before])
         assert {"mesh_error", "structural_resonance"} <= set(found.not_examined)
         assert "Louder than as new" not in html_report(found, ["axis.toml", "sound.wav", "as_new.wav"])
-
-
-def test_the_same_recording_is_not_compared_with_itself() -> None:
-    with pytest.raises(AxisError, match="given as sound as well"):
-        investigate(AXIS, None, AS_NEW, as_new=[AS_NEW])
 
 
 def test_a_gear_without_tooth_numbers_and_an_axis_without_a_gear_are_told() -> None:
@@ -252,13 +229,6 @@ def test_a_gear_without_tooth_numbers_and_an_axis_without_a_gear_are_told() -> N
     listening = listen_alone(direct, [heard(17, loose=True)], [AS_NEW])
     assert "no gear" in listening.not_examined["mesh_error"]
     assert ("structural_resonance", None) in said(listening)
-
-
-def test_what_has_telemetry_needs_no_comparison() -> None:
-    with pytest.raises(AxisError, match="without telemetry"):
-        check_pairs(1, 1, 1)
-    with pytest.raises(AxisError, match="nothing to investigate"):
-        check_pairs(0, 0, 1)
 
 
 def struck(recording: Recording, seed: int, place_s: float = 0.8) -> Recording:

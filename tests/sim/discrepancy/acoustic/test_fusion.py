@@ -17,8 +17,6 @@ from sim.discrepancy.acoustic.fusion import beside, listen, listen_alone
 from sim.discrepancy.acoustic.synchrony import mismatch
 from sim.discrepancy.data.preprocessing import Measurement, prepare
 from sim.discrepancy.investigation import investigate
-from sim.discrepancy.report.html import html_report
-from sim.discrepancy.report.summary import story
 
 Array = NDArray[np.float64]
 RATE, SECONDS, PERIOD_S, SPEED_RAD_S, RAMP_S = 8000, 16, 4.0, 2.5, 0.4
@@ -232,31 +230,28 @@ def test_the_document_says_what_is_out_of_reach_and_is_the_same_each_time() -> N
 ALL = ["electrical_hum", "clipping", "lost_samples", "tooth_damage", "backlash", "bearing_defect"]
 
 
-def test_what_was_not_examined_is_said_first_with_its_reason() -> None:
-    steady = 0.05 * np.random.default_rng(21).standard_normal(TIME.size)
-    result = investigate(AXIS, None, recording(steady))
-    assert result.examined == ("electrical_hum", "clipping", "lost_samples")
-    assert {result.not_examined[name] for name in ALL[3:]} == {"no standstill is heard"}
-    said = "Examined: hum, clipping, lost samples. Not examined: tooth damage, backlash, bearing defect, because no st"
-    assert result.remarks[0].startswith(said)
+RATIOS = replace(AXIS, stages=tuple(replace(s, driver_teeth=None, driven_teeth=None) for s in AXIS.stages))
+GOOD = recording(running(23))
+STEADY = recording(0.05 * np.random.default_rng(21).standard_normal(TIME.size))
 
 
-def test_of_one_second_nothing_was_examined() -> None:
-    assert investigate(AXIS, None, recording(running(22)[:RATE])).remarks[0].startswith("Examined: nothing. ")
-
-
-def test_without_tooth_numbers_no_bearing_and_without_gears_no_tooth_was_examined() -> None:
-    ratios = replace(AXIS, stages=tuple(replace(s, driver_teeth=None, driven_teeth=None) for s in AXIS.stages))
-    sound = recording(running(23))
-    assert list(investigate(ratios, None, sound).examined) == ALL[:-1]
-    assert "tooth numbers" in investigate(ratios, None, sound).not_examined["bearing_defect"]
-    direct = replace(AXIS, stages=())
-    assert investigate(direct, None, sound).not_examined["tooth_damage"] == "the axis has no gear"
-
-
-def test_a_slow_recorder_lets_no_bearing_be_looked_for() -> None:
-    slow = recording(running(23)).resampled(600.0)
-    assert "600 Hz is too low" in investigate(AXIS, None, slow).not_examined["bearing_defect"]
+@pytest.mark.parametrize(
+    ("axis", "sound", "missing", "why"),
+    [
+        (AXIS, STEADY, ALL[3:], "no standstill"),
+        (AXIS, recording(running(22)[:RATE]), ALL, ""),
+        (RATIOS, GOOD, ALL[5:], "tooth numbers"),
+        (replace(AXIS, stages=()), GOOD, ALL[3:4], "no gear"),
+        (AXIS, GOOD.resampled(600.0), ALL[5:], "600 Hz is too low"),
+    ],
+    ids=["steady", "one second", "no tooth numbers", "no gear", "slow recorder"],
+)
+def test_what_was_not_examined_is_said_with_its_reason(
+    axis: Axis, sound: Recording, missing: list[str], why: str
+) -> None:
+    result = investigate(axis, None, sound)
+    assert set(missing) <= set(ALL) - set(result.examined)
+    assert all(why in result.not_examined[name] for name in missing)
 
 
 def with_motion(**numbers: float) -> Axis:
@@ -270,13 +265,6 @@ def test_a_wrong_described_period_silences_nothing_and_is_said(period_s: float) 
     assert result.findings == investigate(AXIS, None, sound).findings
     assert f"period of {period_s:g} s" in result.remarks[1]
     assert "one of 4 s" in result.remarks[1]
-
-
-def test_a_described_period_that_fits_is_used_without_a_word() -> None:
-    sound = recording(with_impacts(running(5), passes(0.4, True)))
-    result = investigate(with_motion(period_s=PERIOD_S), None, sound)
-    assert [f.mechanism for f in result.findings] == ["tooth_damage"]
-    assert "period" not in " ".join(result.remarks)
 
 
 def test_where_the_sound_does_not_tell_the_stage_text_and_document_say_so() -> None:
@@ -324,15 +312,3 @@ def test_a_sound_of_another_motion_is_asked_whether_it_belongs_to_the_telemetry(
     slower = replace(sound, sample_rate_hz=1.4 * RATE)
     assert "are they of one motion" in str(mismatch(slower, measured(0.0), 0.0))
     assert mismatch(recording(np.random.default_rng(3).standard_normal(TIME.size)), measured(0.0), 0.0) == ()
-
-
-def test_the_report_shows_what_was_heard() -> None:
-    result = investigate(AXIS, None, recording(with_impacts(running(18), passes(0.4, True))))
-    told = story(result)
-    overlay, residual = told["overlay"], told["residual"]
-    assert isinstance(overlay, list)
-    assert isinstance(residual, list)
-    assert [panel["title"] for panel in overlay] == ["Loudness", "Lines while cruising"]
-    assert "Strokes laid over each other" in html_report(result)
-    highest = max(max(y for y in line["y"] if y is not None) for line in residual[0]["lines"])
-    assert highest > residual[0]["noise"][1]

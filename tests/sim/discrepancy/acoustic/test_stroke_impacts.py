@@ -13,8 +13,6 @@ from casebase.signals.recording import Recording
 from sim.description.axis_document import read_axis
 from sim.discrepancy.acoustic.evidence import Listening
 from sim.discrepancy.acoustic.fusion import listen_alone
-from sim.discrepancy.investigation import investigate
-from sim.discrepancy.report.html import html_report
 
 Array = NDArray[np.float64]
 RATE = 8000
@@ -132,9 +130,3 @@ def test_weak_impacts_once_per_turn_of_a_gear_between_are_a_tooth_of_it_for_cert
     heard = hear(struck(running(7), each_turn(20 / 101), 1100.0, 0.6, 0.002))
     assert named(heard) == [("tooth_damage", "transfer")]
     assert heard.heard[0].elsewhere == ()
-
-
-def test_the_report_shows_impacts_over_time_where_strokes_cannot_be_laid_over_each_other() -> None:
-    text = html_report(investigate(AXIS, None, recording(running(9))))
-    assert "Impacts below 200 Hz" in text
-    assert "Strokes laid over each other" not in text

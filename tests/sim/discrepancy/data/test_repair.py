@@ -32,12 +32,6 @@ def changed(**channels: Array) -> Telemetry:
     return replace(GOOD, channels={**GOOD.channels, **channels})
 
 
-def test_a_good_record_has_no_fault() -> None:
-    gate = examine(AXIS, GOOD)
-    assert gate.faults == ()
-    assert gate.remarks == ()
-
-
 @pytest.mark.parametrize("slip", [2e-4, -1e-3, 2e-2])
 def test_a_load_encoder_that_slips_is_named_and_put_back(slip: float) -> None:
     after = np.arange(GOOD.rows) >= ROW

@@ -9,7 +9,7 @@ from casebase.signals.telemetry import Telemetry
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.validation import InvestigationError, examine
 from sim.discrepancy.investigation import investigate
-from tests.sim.discrepancy.telemetry_of import one_body, swing
+from tests.sim.discrepancy.telemetry_of import one_body
 
 AXIS = read_axis({"motor": {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0}, "load": {"inertia_kg_m2": 0.0}})
 GEARED = read_axis(
@@ -140,19 +140,6 @@ def test_a_cut_torque_channel_is_named_clipping() -> None:
     faults = examine(AXIS, changed(telemetry, motor_torque_nm=np.clip(torque, -limit, limit))).faults
     assert [f.mechanism for f in faults] == ["clipping"]
     assert faults[0].parameters["torque_n_m"] == pytest.approx(limit)
-
-
-def test_swing_is_its_own_derivative() -> None:
-    t, angle, speed, acceleration = swing()
-    assert np.abs(np.gradient(angle, t) - speed)[2:-2].max() < 1e-2
-    assert np.abs(np.gradient(speed, t) - acceleration)[2:-2].max() < 1e-1
-
-
-def test_torque_and_angle_in_each_other_s_place_are_refused() -> None:
-    telemetry = one_body(0.3, 1.0, 0.0, 7)
-    torque, angle = telemetry["motor_torque_nm"], telemetry["motor_position_rad"]
-    with pytest.raises(InvestigationError, match=r"motor_torque_nm|motor_position_rad"):
-        examine(AXIS, changed(telemetry, motor_torque_nm=angle, motor_position_rad=torque))
 
 
 @pytest.mark.parametrize("missing_s", [0.05, 0.5, 2.0])

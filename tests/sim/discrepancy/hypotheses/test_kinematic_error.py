@@ -16,7 +16,7 @@ from sim.discrepancy.extended_axis import extended_by
 from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.hypotheses.nonparametric import error_over_angle
 from sim.discrepancy.investigation import investigate
-from tests.sim.discrepancy.hypotheses.strain_wave import AXIS, PHASE, erring, log
+from benchmarks.strain_wave import AXIS, PHASE, erring, log
 
 
 @pytest.mark.slow

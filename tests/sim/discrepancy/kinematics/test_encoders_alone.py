@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.encoder_logs import RATIO, axis, log, strokes
 from benchmarks.real_drives.drives import drives
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis, MechanismEntry
@@ -12,13 +13,10 @@ from sim.description.axis_document import read_axis
 from sim.discrepancy.data.validation import InvestigationError
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.kinematics.encoders_alone import NOT_TOLD
-from sim.discrepancy.report.html import html_report
-from sim.discrepancy.report.summary import story
 from sim.discrepancy.results import Finding, Investigation
 from sim.experiment.virtual_measurement import measure
 from tests.shared_data import shared
 from tests.sim import axes
-from tests.sim.discrepancy.kinematics.encoder_logs import RATIO, axis, log, strokes
 
 SPEEDS = strokes([0.5, 1.0, 2.0])
 ONE_SPEED = strokes([1.0, 1.0])
@@ -131,18 +129,6 @@ def test_the_simulators_own_effects_are_found_and_known_again(entry: MechanismEn
 
 def two_encoders(t: Telemetry) -> Telemetry:
     return Telemetry(t.time_s, {name: t[name] for name in ("motor_position_rad", "load_position_rad")})
-
-
-def test_report_and_page_tell_it_without_torque_and_sound() -> None:
-    for record in (log(SPEEDS, gap=1e-3, runout=2e-3), log(SPEEDS), pulled_by_hand()):
-        result = investigate(axis(), record)
-        page = html_report(result, ("log.csv",))
-        assert not [text for text in ("Sound has no", "The sound is quieter", "Sound extends") if text in page]
-        assert NOT_TOLD in page
-        assert len(story(result)["overlay"]) == 1  # type: ignore[arg-type]
-        document = result.document()
-        assert document["parameters"] == []
-        assert "motor torque as well" in str(document["next_measurement"])
 
 
 RATE_HZ, GAP, GIVES = 50.0, 0.010, 0.004

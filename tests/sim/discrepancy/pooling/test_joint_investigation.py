@@ -11,7 +11,6 @@ from casebase.signals.telemetry import Telemetry
 from sim.chain.model import Array
 from sim.description.axis_document import read_axis
 from sim.discrepancy.acoustic.evidence import SILENT
-from sim.discrepancy.data.pairing import check_pairs
 from sim.discrepancy.data.validation import InvestigationError
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.pooling.joint_investigation import Together, changed, investigate_together
@@ -29,9 +28,7 @@ from sim.discrepancy.pooling.log_odds import (
 )
 from sim.discrepancy.pooling.pooled_estimates import Taken, pooled_estimate
 from sim.discrepancy.pooling.recording_evidence import weighed
-from sim.discrepancy.report.joint_html import html_report_together
 from sim.discrepancy.results import Estimate, Finding
-from sim.errors import AxisError
 from tests.sim.discrepancy.telemetry_of import one_body, swing
 from tests.sim.discrepancy.test_investigation import axis
 
@@ -135,16 +132,6 @@ def test_a_change_is_told_only_where_intervals_lie_apart() -> None:
 # --- pairs ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("telemetries", "sounds", "wrong"), [(0, 0, "nothing"), (1, 2, "one telemetry"), (2, 3, "2 tel")]
-)
-def test_a_sound_without_its_telemetry_is_refused(telemetries: int, sounds: int, wrong: str) -> None:
-    with pytest.raises(AxisError, match=wrong):
-        check_pairs(telemetries, sounds)
-    for good in [(1, 0), (3, 3), (3, 1), (0, 5)]:
-        check_pairs(*good)
-
-
 # --- whole investigations ---------------------------------------------------------------------------------------------
 
 
@@ -187,15 +174,6 @@ def test_the_extended_axis_leaves_nothing_to_find_in_any(friction: Together) -> 
     assert extended.motor.coulomb_friction_n_m == pytest.approx(1.0, rel=0.05)
     for part in friction.parts:
         assert investigate(extended, part.taken.telemetry).verdict == "nothing_missing"
-
-
-def test_the_report_holds_every_recordings_own(friction: Together) -> None:
-    page = html_report_together(friction)
-    assert page.index("Findings of all recordings") < page.index("monday.csv:") < page.index("friday.csv:")
-    assert page.count("<h2>1. ") == 2
-    assert page.count("<html") == 1
-    assert "<script" not in page
-    assert 'src="http' not in page
 
 
 def test_a_recording_that_would_have_seen_it_speaks_against_it_and_a_noisy_one_does_not() -> None:

@@ -52,12 +52,3 @@ def test_how_sure_is_a_figure_only_where_that_is_calibrated() -> None:
 )
 def test_urgent_is_damage_that_grows_and_that_was_found(mechanism: str, probability: float, urgent: bool) -> None:
     assert is_urgent({"findings": [{"mechanism": mechanism, "probability": probability}]}) == urgent
-
-
-def at(mechanism: str, location: str, name: str, value: float) -> dict[str, Any]:
-    """A finding of a robot."""
-    size = {"name": name, "value": value, "unit": "N m", "low": 0.9 * value, "high": 1.1 * value}
-    order = {"name": "order", "value": 200.0, "unit": "1", "low": 198.0, "high": 202.0}
-    said = {"mechanism": mechanism, "location": location, "probability": 0.95, "parameters": [size, order]}
-    explanation = "A ripple, 200 times per revolution of the joint."
-    return {**said, "indistinguishable_from": [], "explanation": explanation, "action": "Look."}

@@ -9,17 +9,13 @@ import numpy as np
 import pytest
 
 from sim.description.axis_document import read_axis
-from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.report.cause_panels import cause_panels
-from sim.discrepancy.report.checks import checked
 from sim.discrepancy.report.drawing import svg
-from sim.discrepancy.report.formatting import angle, interval, number
 from sim.discrepancy.report.html import STEPS, html_report
 from sim.discrepancy.report.panels import AS_DESCRIBED, EXTENDED, FLOOR, MEASURED, Panel
-from sim.discrepancy.report.summary import candidates, panels, story
+from sim.discrepancy.report.summary import panels, story
 from sim.discrepancy.results import Investigation
-from sim.discrepancy.search.proposals import Rival
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Mechanism
 from tests.sim.discrepancy.acoustic.test_fusion import AXIS, recording, running
@@ -60,10 +56,6 @@ PAGES: dict[int, str] = {}
 def page_of(result: Investigation) -> str:
     """The report of a result that lives as long as this module."""
     return PAGES.setdefault(id(result), PAGES.get(id(result)) or html_report(result))
-
-
-def words(page: str) -> str:
-    return unescape(re.sub(r"<svg.*?</svg>|<style>.*?</style>|<[^>]+>", " ", page, flags=re.DOTALL))
 
 
 def test_every_step_is_told_in_order(any_result: Investigation) -> None:
@@ -112,20 +104,6 @@ def test_page_and_report_show_the_same_panels(any_result: Investigation) -> None
     )
 
 
-def test_the_condition_is_told_even_where_all_is_well(any_result: Investigation) -> None:
-    rows = dict(checked(any_result))
-    for check in (
-        "rows or samples missing, or held while it moves",
-        "values cut at their extremes",
-        "hum of the mains",
-    ):
-        assert rows[check].startswith("none found")
-    page = words(page_of(any_result))
-    told: Any = story(any_result)["checked"]
-    assert [(one["check"], one["result"]) for one in told] == list(checked(any_result))
-    assert all(result in page for result in rows.values())
-
-
 def test_a_bad_model_does_not_widen_the_noise_floor(rising: Investigation) -> None:
     """The description leaves friction, the extended model does not: the floor is that of the better one."""
     assert rising.selection is not None
@@ -135,33 +113,6 @@ def test_a_bad_model_does_not_widen_the_noise_floor(rising: Investigation) -> No
     assert left.noise is not None
     assert floor.noise is not None
     assert left.noise[1] <= floor.noise[1] * 1.001
-
-
-@pytest.fixture(scope="module")
-def weighed(good: Investigation) -> Investigation:
-    """With candidates that explain much and little, of a size as new and beyond it."""
-    selection = good.selection
-    assert selection is not None
-    problem = selection.problem
-    offset, *_ = (
-        t for t in terms_of(BODY, problem.measurement, problem.chain((), {})) if t.mechanism == "torque_offset"
-    )
-    rivals = tuple(
-        Rival(offset, gain, {}, beyond)
-        for gain, beyond in ((-3.0, 5.0), (900.0, -1.0), (900.0, 1.5), (4.0, 5.0), (900.0, 9.0))
-    )
-    return replace(good, selection=replace(selection, rejected=rivals))
-
-
-def test_what_was_rejected_has_a_reason_and_no_probability(weighed: Investigation) -> None:
-    found = candidates(weighed)
-    assert len({candidate.reason for candidate in found}) == len(found) == 5
-    assert all("probability" not in candidate.document() for candidate in found)
-    told: Any = story(weighed)["candidates"]
-    assert [one["reason"] for one in told] == [candidate.reason for candidate in found]
-    section = page_of(weighed).split("4. Candidate causes")[1].split("</details>")[0]
-    assert "%" not in words(section)
-    assert all(candidate.reason in words(section) for candidate in found)
 
 
 @pytest.mark.parametrize("kind", MECHANISMS.values(), ids=MECHANISMS.keys())
@@ -174,16 +125,6 @@ def test_the_document_says_what_to_do_last(rising: Investigation) -> None:
     told: Any = rising.document()["findings"]
     assert told[0]["explanation"].endswith(rising.findings[0].action)
     assert rising.findings[0].action
-
-
-def test_numbers_have_the_digits_that_their_interval_deserves() -> None:
-    assert number(0.001190123, 0.00009) == "0.00119"
-    assert interval(0.001100123, 0.001280321) == "0.00110 to 0.00128"
-    assert number(152_712.0, 120.0) == "152\u202f710"
-    assert number(0.0) == "0"
-    assert number(3.2e-6, 5e-7) == "3.2 × 10⁻⁶"
-    assert angle(np.radians(154.7), np.radians(0.3)) == "154.7°"
-    assert angle(0.00119, 0.00009).endswith("arc min")
 
 
 def test_names_of_shafts_are_text() -> None:

@@ -1,4 +1,4 @@
-"""`python -m tests.sim.discrepancy.hypotheses.strain_wave`: gears of which only the ratio is described, with and
+"""`python -m benchmarks.strain_wave`: gears of which only the ratio is described, with and
 without an error twice per turn of the motor; sizes, rates, with and without an encoder at the load."""
 
 from __future__ import annotations

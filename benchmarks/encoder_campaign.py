@@ -1,4 +1,4 @@
-"""`python -m tests.sim.discrepancy.kinematics.campaign`: false alarms of two encoders, and what is found."""
+"""`python -m benchmarks.encoder_campaign`: false alarms of two encoders, and what is found."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.encoder_logs import STEP, Array, axis, log, strokes
 from casebase.signals.telemetry import Telemetry
 from sim.discrepancy.investigation import investigate
-from tests.sim.discrepancy.kinematics.encoder_logs import STEP, Array, axis, log, strokes
 
 SEEDS = 50
 COARSE = 2.0 * np.pi / 2500
