@@ -340,10 +340,7 @@ class NeighbourDocument(BaseModel):
 
 
 class Novelty(BaseModel):
-    """How unlike the cases of the leading label it is, and where the unknown begins (null: too few gearboxes to say).
-
-    Of diagnoses without `fault`, from earlier versions, both are distances on another scale.
-    """
+    """How unlike the cases of the leading label it is, and where the unknown begins (null: too few gearboxes)."""
 
     distance: float | None = Field(description="-log10 of how often a recording of that label is as unlike its cases")
     threshold: float | None = Field(description="-log10 of the p-value below which it is not in the library")

@@ -314,7 +314,7 @@ def simulations(library: CaseLibrary) -> JobKind:
         return {
             "new": sum(int(str(result["new"])) for result in counted),
             "known": sum(int(str(result["known"])) for result in counted),
-            "simulation_s": round(sum(float(str(result.get("simulation_s", 0.0))) for result in counted), 3),
+            "simulation_s": round(sum(float(str(result["simulation_s"])) for result in counted), 3),
             "counts": parameters["counts"],
         }
 

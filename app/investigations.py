@@ -416,7 +416,7 @@ def comparable(session: Session, row: StoredInvestigation) -> Sequence[StoredInv
     )
     return session.scalars(
         select(StoredInvestigation)
-        .options(defer(StoredInvestigation.written))
+        .options(defer(StoredInvestigation.document))
         .where(*same)
         .order_by(StoredInvestigation.id.desc())
         .limit(MOST_COMPARABLE)

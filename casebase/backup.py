@@ -115,11 +115,8 @@ def erased_in(folder: Path) -> tuple[str, ...]:
 
 
 def _erased(path: Path) -> dict[str, str]:
-    """Return which recordings of a copied database are erased: id -> SHA-256 of the file; none of an older revision."""
+    """Return which recordings of a copied database are erased: id -> SHA-256 of the file."""
     with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
-        columns = {row[1] for row in database.execute("PRAGMA table_info(recordings)")}
-        if "erased_at" not in columns:
-            return {}
         return dict(database.execute("SELECT id, file_sha256 FROM recordings WHERE erased_at IS NOT NULL"))
 
 

@@ -16,6 +16,7 @@ from sqlalchemy.engine import URL, make_url
 from sqlalchemy.types import TypeDecorator, TypeEngine
 
 import migrations
+from casebase.errors import SchemaError
 
 if TYPE_CHECKING:
     from alembic.config import Config
@@ -149,14 +150,24 @@ def _sqlite_engine(url: str) -> Engine:
     return engine
 
 
-def upgrade_database(engine: Engine, revision: str = "head") -> None:
-    """Bring the tables to the current revision; does nothing when they are there already."""
+def upgrade_database(engine: Engine) -> None:
+    """Make the tables of an empty database; does nothing when they are there already.
+
+    Raises:
+        SchemaError: if its tables are those of another version.
+    """
     with engine.connect().execution_options(**{WRITING: True}) as connection, connection.begin():
-        if revision == "head" and _revision(connection) == migrations.NEWEST:
+        revision = _revision(connection)
+        if revision == migrations.NEWEST:
             return
+        if revision is not None:
+            raise SchemaError(
+                f"the tables of this library are of revision {revision}, and this version needs {migrations.NEWEST}: "
+                "open it with the version that made it, or begin with another data folder"
+            )
         from alembic import command  # slow to import, and rarely needed
 
-        command.upgrade(migration_config(connection), revision)
+        command.upgrade(migration_config(connection), "head")
 
 
 def _revision(connection: Connection) -> str | None:

@@ -185,11 +185,10 @@ def revision_document(row: StoredDiagnosis) -> dict[str, object]:
 
 
 def restore_revision(session: Session, row: StoredDiagnosis, document: Mapping[str, Any]) -> None:
-    """Make it again what a person said of a diagnosis; what a document of an earlier version lacks was not said."""
+    """Make it again what a person said of a diagnosis."""
     row.state, row.revised_label, row.verified_by = document["state"], document["label"], document["verified_by"]
-    row.verification, row.note, row.revised_by = (document.get(name) for name in ("verification", "note", "by"))
-    at = document.get("at")
-    row.revised_at = None if at is None else datetime.fromisoformat(at)
+    row.verification, row.note, row.revised_by = document["verification"], document["note"], document["by"]
+    row.revised_at = None if document["at"] is None else datetime.fromisoformat(document["at"])
     session.flush()
     rules.review(session, row.recording.axis, row.recording.gearbox)
 

@@ -33,6 +33,10 @@ class DamagedError(LibraryError):
     """What is stored is not what was stored: a disk, or somebody beside us, has changed it."""
 
 
+class SchemaError(LibraryError):
+    """The tables of the database are those of another version."""
+
+
 class InvalidRequestError(LibraryError, ValueError):
     """The request contradicts itself or the library's rules."""
 

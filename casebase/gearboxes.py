@@ -184,7 +184,7 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, Heard]) ->
         if recording_id in heard:
             heard[recording_id] = replace(heard[recording_id], verdict="diagnosed", label=known, review="confirmed")
     undecided = (
-        case((StoredDiagnosis.verdict == "ambiguous", StoredDiagnosis.written[name]), else_=null())  # it is long
+        case((StoredDiagnosis.verdict == "ambiguous", StoredDiagnosis.document[name]), else_=null())  # it is long
         for name in ("fault", "labels", "quality")
     )
     given = session.execute(

@@ -7,12 +7,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import JSON, ForeignKey, Index, LargeBinary, MetaData, String, Text, text
+from sqlalchemy import JSON, ForeignKey, Index, MetaData, String, Text, text
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
 
 from casebase.database import FloatVector, UtcDateTime
-from casebase.stored_documents import diagnosis_document, investigation_document
 
 type_json = JSON().with_variant(JSONB(), "postgresql")
 
@@ -67,10 +66,10 @@ class StoredRecording(Base):
     fingerprint: Mapped[str] = mapped_column(String(64), unique=True)
     """SHA-256 of the file's bytes, channel and description: the same twice is one recording."""
     samples_sha256: Mapped[str] = mapped_column(String(64), index=True)
-    sound_id: Mapped[str] = mapped_column(String(32), index=True, server_default="")
+    sound_id: Mapped[str] = mapped_column(String(32), index=True)
     """Id of the first recording of the same sound: its own, or one that differs in container, rate, gain or coding."""
-    sound: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
-    """Words of the fingerprint, little-endian uint32; empty where there is none, None where it was not taken yet."""
+    sound: Mapped[bytes] = mapped_column(deferred=True, default=b"")
+    """Words of the fingerprint, little-endian uint32; empty where there is none."""
     file_sha256: Mapped[str] = mapped_column(String(64), index=True)
     file_name: Mapped[str] = mapped_column(String(255))
     media_type: Mapped[str] = mapped_column(String(100))
@@ -194,8 +193,7 @@ class StoredDiagnosis(Base):
     verdict: Mapped[str] = mapped_column(String(20))
     label: Mapped[str | None] = mapped_column(String(100))
     probability: Mapped[float | None]
-    written: Mapped[dict[str, object]] = mapped_column("document")
-    """As it was stored; what is read is `document`."""
+    document: Mapped[dict[str, Any]] = mapped_column(type_json)
     state: Mapped[str] = mapped_column(String(20), default="open")
     revised_label: Mapped[str | None] = mapped_column(String(100))
     verified_by: Mapped[str | None] = mapped_column(String(500))
@@ -217,15 +215,6 @@ class StoredDiagnosis(Base):
     __mapper_args__ = {  # noqa: RUF012
         "version_id_col": version
     }
-
-    @property
-    def document(self) -> dict[str, Any]:
-        """As it was given, with what versions before did not say."""
-        return diagnosis_document(self.written)
-
-    @document.setter
-    def document(self, given: dict[str, Any]) -> None:
-        self.written = given
 
 
 class AxisRevision(Base):
@@ -274,22 +263,13 @@ class StoredInvestigation(Base):
     axis_document: Mapped[dict[str, object]]
     inputs: Mapped[dict[str, object]]
     """File names and SHA-256 of telemetry and sound, kept content-addressed like recordings."""
-    written: Mapped[dict[str, object] | None] = mapped_column("document", type_json)
-    """As it was stored; what is read is `document`."""
+    document: Mapped[dict[str, Any] | None] = mapped_column(type_json)
+    """What came out; None while nothing has."""
     report: Mapped[str | None] = mapped_column(Text, deferred=True)
     error: Mapped[str | None] = mapped_column(Text)
     created_at: Mapped[datetime] = mapped_column(default=now)
     finished_at: Mapped[datetime | None]
     created_by: Mapped[str] = mapped_column(String(200))
-
-    @property
-    def document(self) -> dict[str, Any] | None:
-        """What came out, with what versions before did not say; None while nothing has."""
-        return None if self.written is None else investigation_document(self.written)
-
-    @document.setter
-    def document(self, given: dict[str, Any] | None) -> None:
-        self.written = given
 
     @property
     def diagnosis_id(self) -> str | None:
@@ -359,7 +339,7 @@ class MaintenanceMark(Base):
     axis: Mapped[str] = mapped_column(String(200))
     gearbox: Mapped[str | None] = mapped_column(String(200))
     at: Mapped[datetime]
-    kind: Mapped[str] = mapped_column(String(20), server_default="note")
+    kind: Mapped[str] = mapped_column(String(20), default="note")
     """`note`, `repair`, `exchange` or `microphone`: that was moved."""
     successor: Mapped[str | None] = mapped_column(String(200))
     """Of an exchange: what the new gearbox is called, if not as the old one."""

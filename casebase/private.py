@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 def make_private(folder: Path) -> None:
-    """Take from others what an earlier version, or an unpacked backup, has let them read.
+    """Take from others what an unpacked backup has let them read.
 
     The folder keeps them out; its databases are closed as well, since they are copied about.
     """

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from sqlalchemy import insert, select, update
+from sqlalchemy import insert, select
 from sqlalchemy.orm import Session, undefer
 
 from casebase.audio_store import AudioStore
@@ -25,25 +25,20 @@ MOST_DECODED = 4
 """Of those whose fingerprints differ in few bits; those that differ least."""
 
 
-def find_sound(
-    session: Session, audio: AudioStore, recording: Recording, prints: Sequence[Fingerprint], *, but: str = ""
-) -> str | None:
+def find_sound(session: Session, audio: AudioStore, recording: Recording, prints: Sequence[Fingerprint]) -> str | None:
     """Return the `sound_id` of a recording that sounds the same; None if there is none.
 
     Nobody else stores a recording until the transaction ends, so that of two of one sound the second sees the first.
 
     Args:
         prints: what `fingerprints` says of it.
-        but: id of a recording that is not to be found.
     """
     session.scalars(select(LibraryCounter.value).with_for_update()).one()
-    equal = select(StoredRecording.sound_id).where(
-        StoredRecording.samples_sha256 == recording.sha256, StoredRecording.id != but
-    )
+    equal = select(StoredRecording.sound_id).where(StoredRecording.samples_sha256 == recording.sha256)
     found = session.scalars(equal.order_by(StoredRecording.id).limit(1)).first()
     if found is not None:
         return found
-    alike = (row for row in _alike(session, prints, but) if _has_samples(row, audio, recording))
+    alike = (row for row in _alike(session, prints) if _has_samples(row, audio, recording))
     return next((row.sound_id for row in alike), None)
 
 
@@ -55,9 +50,9 @@ def _has_samples(row: StoredRecording, audio: AudioStore, recording: Recording) 
         return True
 
 
-def _alike(session: Session, prints: Sequence[Fingerprint], but: str) -> list[StoredRecording]:
+def _alike(session: Session, prints: Sequence[Fingerprint]) -> list[StoredRecording]:
     words = {word for each in prints for word in each.keys}
-    holding = select(SoundKey.recording_id).where(SoundKey.word.in_(sorted(words)), SoundKey.recording_id != but)
+    holding = select(SoundKey.recording_id).where(SoundKey.word.in_(sorted(words)))
     candidates = Counter(session.scalars(holding))
     likely = [identity for identity, _ in candidates.most_common(MOST_HELD_AGAINST)]
     statement = select(StoredRecording).where(StoredRecording.id.in_(likely)).options(undefer(StoredRecording.sound))
@@ -78,25 +73,6 @@ def keep_sound(session: Session, row: StoredRecording, prints: Sequence[Fingerpr
     if prints and prints[0].keys:
         keys = [{"word": word, "recording_id": row.id} for word in prints[0].keys]
         session.execute(insert(SoundKey), keys)
-
-
-def join_sounds(
-    session: Session, audio: AudioStore, row: StoredRecording, recording: Recording, prints: Sequence[Fingerprint]
-) -> Sequence[str]:
-    """Keep the fingerprint of a recording that was stored without one; return ids of cases whose sound is now known
-    to be another one's too."""
-    known = find_sound(session, audio, recording, prints, but=row.id)
-    keep_sound(session, row, prints)
-    if known is None or known == row.sound_id:
-        return ()
-    first, later = sorted((known, row.sound_id))
-    changed = session.scalars(
-        select(Case.id)
-        .join(StoredRecording, StoredRecording.id == Case.recording_id)
-        .where(StoredRecording.sound_id == later)
-    ).all()
-    session.execute(update(StoredRecording).where(StoredRecording.sound_id == later).values(sound_id=first))
-    return changed
 
 
 def cases_of(session: Session, sound_id: str) -> Sequence[Case]:

@@ -26,7 +26,7 @@ def list_all(context: typer.Context, json: AsJson = False) -> None:
     from casebase.axes import list_axes
 
     frame = frame_of(context)
-    with frame.current_library() as library, library.reading() as session:
+    with frame.library() as library, library.reading() as session:
         rows = list_axes(session)
     if json:
         frame.print_json([{"name": row.name, "revision": row.revision, "document": row.document} for row in rows])
@@ -47,7 +47,7 @@ def show(context: typer.Context, name: Name, json: AsJson = False) -> None:
     from casebase.axes import get_axis
 
     frame = frame_of(context)
-    with frame.current_library() as library, library.reading() as session:
+    with frame.library() as library, library.reading() as session:
         row = get_axis(session, name)
     if json:
         frame.print_json({"name": row.name, "revision": row.revision, "document": row.document})
@@ -107,7 +107,7 @@ def change(
     from casebase.axes import get_axis
 
     frame = frame_of(context)
-    with frame.current_library() as library, library.reading() as session:
+    with frame.library() as library, library.reading() as session:
         row = get_axis(session, name)
     document = deepcopy(dict(row.document))
     for each in given:
@@ -144,7 +144,7 @@ def _store(context: typer.Context, document: dict[str, Any], based_on: int | Non
 
     frame = frame_of(context)
     described = read_axis(document)
-    with frame.current_library() as library, library.transaction(ACTOR) as session:
+    with frame.library() as library, library.transaction(ACTOR) as session:
         row = add_axis(session, described.name, described.to_mapping(), based_on=based_on)
         name, revision = row.name, row.revision
     if json:

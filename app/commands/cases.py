@@ -75,7 +75,7 @@ def add(
     described = axis_of(frame, axis) if axis else None
     entries = []
     limit = frame.settings.upload_bytes
-    with frame.current_library() as library, frame.progress() as progress, sounds(files, limit) as found:
+    with frame.library() as library, frame.progress() as progress, sounds(files, limit) as found:
         for sound in progress.track(found, description="adding"):
             entries.append(_add(library, sound, metadata, described))
     if json:

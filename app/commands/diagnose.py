@@ -52,7 +52,7 @@ def diagnose(
     described = axis_of(frame, axis) if axis else None
     entries = []
     with (
-        frame.current_library() as library,
+        frame.library() as library,
         frame.progress() as progress,
         sounds(files, frame.settings.upload_bytes) as found,
     ):

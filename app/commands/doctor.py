@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from sqlalchemy import func, select
+from sqlalchemy import exists, func, select
 from sqlalchemy.orm import Session
 
 from app.api.health import FREE_BYTES
@@ -20,10 +20,10 @@ from app.leftovers import leftovers
 from casebase.audio_store import sha256_of
 from casebase.errors import NotFoundError
 from casebase.library import CaseLibrary
-from casebase.models import ApiKey, StoredInvestigation, StoredRecording
-from casebase.renewal import count_left_behind, count_outdated
+from casebase.models import ApiKey, FeatureRow, StoredInvestigation, StoredRecording
 from casebase.signals.decode import warm_up
 from casebase.signals.errors import DecoderUnavailableError
+from casebase.signals.features import EXTRACTOR_VERSION
 from casebase.soundness import RESTORE, faults_of
 
 
@@ -116,12 +116,12 @@ def _cases(library: CaseLibrary, session: Session) -> Iterator[Finding]:
 
 
 def _features(_: CaseLibrary, session: Session) -> Iterator[Finding]:
-    old = count_outdated(session)
-    fault = "Restart `gearcase serve`: it takes their features again." if old else None
-    yield Finding("features", f"{old} recordings lack features of the present extractor, or a fingerprint", fault)
-    behind = count_left_behind(session)
-    if behind:
-        yield Finding("features", f"{behind} erased recordings have features of an older extractor: not searched")
+    known = exists().where(
+        FeatureRow.recording_id == StoredRecording.id, FeatureRow.extractor_version == EXTRACTOR_VERSION
+    )
+    old = session.scalar(select(func.count()).select_from(StoredRecording).where(~known))
+    fault = "Export the cases, and import them: their features are taken again." if old else None
+    yield Finding("features", f"{old} recordings lack features of the present extractor: not searched", fault)
 
 
 def _decoder(_: CaseLibrary, __: Session) -> Iterator[Finding]:

@@ -25,7 +25,7 @@ def evaluate(
 ) -> None:
     """Leave out one gearbox at a time and diagnose it from the others."""
     frame = frame_of(context)
-    with frame.current_library() as library, frame.words.status("cross-validating"), library.reading() as session:
+    with frame.library() as library, frame.words.status("cross-validating"), library.reading() as session:
         found = library.reuse.evaluate(session, group=group, origin=origin)
         alone = _alone(library, session, found)
     if json:

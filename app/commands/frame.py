@@ -67,29 +67,6 @@ class Frame:
         finally:
             library.close()
 
-    @contextmanager
-    def current_library(self) -> Iterator[CaseLibrary]:
-        """The local library with all its features by the present extractor."""
-        with self.library() as library:
-            self.renew(library)
-            yield library
-
-    def renew(self, library: CaseLibrary) -> None:
-        """Take features and fingerprints again of what an older version has left, so that no case is missed."""
-        from casebase.renewal import count_outdated, renew
-
-        with library.reading() as session:
-            if not count_outdated(session):
-                return
-        with self.progress() as progress:
-            task = progress.add_task("taking features and fingerprints again")
-            renewed = renew(
-                library, ACTOR, progress=lambda done, total: progress.update(task, completed=done, total=total)
-            )
-        self.say(f"features and fingerprints of {renewed.recordings} recordings taken again")
-        for recording, reason in renewed.failed.items():
-            self.say(f"recording {recording} keeps what it has: {reason}")
-
 
 Steady = Annotated[bool | None, typer.Option("--steady", help="the axis turns at constant speed")]
 Json = Annotated[bool, typer.Option("--json", help="one JSON document on stdout")]

@@ -67,7 +67,7 @@ def retrieve(
     )
     described = axis_of(frame, axis) if axis else None
     recording = decoded(file, metadata, described)
-    with frame.current_library() as library:
+    with frame.library() as library:
         heard = hear(library, recording, file.name, media_type_of(file.name), metadata, described)
         found = neighbours_of(library, heard, query)
     if json:

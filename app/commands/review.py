@@ -32,7 +32,7 @@ def review(
     Cases to look at are redundant, contradictory, suspect or far from all others. Only --apply and --undo change any.
     """
     frame = frame_of(context)
-    with frame.current_library() as library:
+    with frame.library() as library:
         if undo is not None:
             with library.transaction(ACTOR) as session:
                 frame.say(f"{care.undo(library, session, undo)} cases are as they were")

@@ -55,7 +55,6 @@ def _serve(frame: Frame, listening: socket.socket, *, worker: bool, proxies: str
             raise DamagedError(f"the database is damaged ({faults[0]}). {RESTORE}")
         service.tidy()
         cut_logs(frame.settings.data_dir)
-        frame.renew(service.library)
         first = _first_key(service)
         configure_logs("service", log_folder)
         config = uvicorn.Config(

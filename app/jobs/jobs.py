@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, cast
 
 from sqlalchemy import ColumnElement, make_url, or_, select, tuple_
-from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from app.jobs.job import Job, JobError, JobEvent, JobNotFoundError, JobState, JobStateError, Json, Progress
@@ -80,14 +79,12 @@ class Jobs:
         from dbos import DBOSClient, DBOSPortableJSONSerializer
 
         prepare(self.url)
-        client = DBOSClient(
+        return DBOSClient(
             system_database_url=self.url,
             serializer=DBOSPortableJSONSerializer(),
             application_name=APPLICATION,
             retry_connection_errors=False,
         )
-        self._remember(client)
-        return client
 
     def close(self) -> None:
         """Give the connections to the engine back."""
@@ -174,7 +171,7 @@ class Jobs:
         waited_s = 0.0
         while self._status(job_id) is None:
             if self.get(job_id).state in OVER:
-                return  # before the engine heard of it, or an earlier engine ran it
+                return  # before the engine heard of it
             if waited_s >= patience_s:
                 waited_s = 0.0
                 yield None
@@ -260,12 +257,9 @@ class Jobs:
     def _row(self, job_id: str) -> StoredJob:
         with self._library.reading() as session:
             row = session.get(StoredJob, job_id)
-        if row is not None:
-            return row
-        if "_client" not in self.__dict__:
-            _ = self._client  # which remembers what an earlier version ordered
-            return self._row(job_id)
-        raise JobNotFoundError(f"no job has the id {job_id!r}")
+        if row is None:
+            raise JobNotFoundError(f"no job has the id {job_id!r}")
+        return row
 
     def _status(self, job_id: str) -> WorkflowStatus | None:
         return self._statuses([job_id]).get(job_id)
@@ -330,31 +324,6 @@ class Jobs:
         if tasks:
             self._client.resume_workflows([task.workflow_id for task in tasks], queue_name=TASKS)
         self._client.resume_workflow(job_id, queue_name=JOBS)
-
-    def _remember(self, client: DBOSClient) -> None:
-        """Give a row to every job that a version without rows ordered."""
-        found = client.list_workflows(name="job", load_input=False, load_output=False)
-        with self._library.reading() as session:
-            rows = set(session.scalars(select(StoredJob.id)))
-        unknown = [status.workflow_id for status in found if status.workflow_id not in rows]
-        if not unknown:
-            return
-        try:
-            with self._library.transaction(ACTOR) as session:
-                for status in client.list_workflows(workflow_ids=unknown):
-                    kind, parameters = (status.input or {"args": ("?", {})})["args"]
-                    session.add(
-                        StoredJob(
-                            id=status.workflow_id,
-                            kind=kind,
-                            parameters=parameters,
-                            state="cancelled" if status.status == "CANCELLED" else "queued",
-                            created_at=_time(status.created_at or 0),
-                            submitted_by=(status.attributes or {}).get("submitted_by"),
-                        )
-                    )
-        except IntegrityError:
-            return  # another process did it at the same time
 
 
 def _due() -> ColumnElement[bool]:

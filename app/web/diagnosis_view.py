@@ -212,12 +212,7 @@ def outside_of(document: Mapping[str, Any]) -> str | None:
     novelty = document["novelty"]
     if novelty["distance"] is None or not_compared(document):
         return None
-    if document.get("fault") is not None:
-        return unlikeness(document) or None
-    limit = novelty["threshold"]
-    beyond = f"it would be none of them beyond {limit:.2f}" if limit is not None else "too few cases to set a limit"
-    far = quantity(novelty["distance"], digits=2)
-    return f"This recording lies outside all known kinds by {far} times the spread of normal recordings; {beyond}."
+    return unlikeness(document) or None
 
 
 def phase_of(document: Mapping[str, Any]) -> float | None:

@@ -44,7 +44,7 @@ def flags_of(quality: Sequence[Mapping[str, Any]], duration_s: float) -> tuple[F
     found = [
         Flag(
             flag["name"].replace("_", " "),
-            when(flag.get("start_s"), flag.get("end_s"), duration_s, flag["name"] in RETURNING),
+            when(flag["start_s"], flag["end_s"], duration_s, flag["name"] in RETURNING),
             flag["severity"],
             flag["reason"],
             REMEDIES.get(flag["name"], "") if flag["severity"] == "poor" else "",

@@ -13,12 +13,11 @@ from sim.discrepancy.report.box import Entry
 from sim.discrepancy.report.panels import AS_DESCRIBED, style_of
 
 Part = Literal["causes", "overlay", "residual", "sound"]
-WEIGHED = ("explains", "needed", "instead_of", "behind")
 
 
 def panels_of(document: Mapping[str, Any], part: Part) -> list[Chart]:
-    """Return the charts of one part; none where only sound was heard, or where an older version investigated."""
-    return [_chart(panel) for panel in document.get("story", {}).get(part, ())]
+    """Return the charts of one part; none where only sound was heard."""
+    return [_chart(panel) for panel in document["story"].get(part, ())]
 
 
 def panel_of(document: Mapping[str, Any], part: Part, number: int) -> Chart:
@@ -58,17 +57,8 @@ def box_shown(document: Mapping[str, Any], entries: Iterable[Entry]) -> list[Sho
 
 def causes_of(document: Mapping[str, Any]) -> dict[int, tuple[Chart, int]]:
     """Return the chart of each finding that has one, with its place among them, by the finding's place."""
-    kept = document.get("story", {}).get("causes", ())
+    kept = document["story"].get("causes", ())
     return {panel["finding"]: (_chart(panel), place) for place, panel in enumerate(kept)}
-
-
-def candidates_of(document: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
-    """Return what was weighed and rejected: mechanism, location, what it explains and needed, and why not.
-
-    An older version kept a probability instead, of a candidate that was rejected: it is not shown.
-    """
-    kept: Sequence[Mapping[str, Any]] = document.get("story", {}).get("candidates", ())
-    return [{**dict.fromkeys(WEIGHED), **candidate} for candidate in kept]
 
 
 def _chart(panel: Mapping[str, Any]) -> Chart:

@@ -51,14 +51,8 @@ VERDICTS = {
     "unusable": "Unusable",
 }
 """The one word of the pages for each verdict of a document."""
-NOT_COMPARED = (
-    "no regular motion is found",
-    "no regular motion is heard",
-    "the sound has another colour",
-    "the nearest cases are of good gears",
-    "the nearest cases are of sound gears",
-)
-"""Remarks that begin so say why there is no label, and stand first; all but the first are of earlier versions."""
+NOT_COMPARED = "no regular motion is found"
+"""A remark that begins so says why there is no label, and stands first."""
 UNLIKE = "the nearest cases are "
 RECORD_AGAIN = (
     "Record again for 20 s or more and three cycles of the motion or more, with the microphone at the gearbox, and "
@@ -143,8 +137,9 @@ def certainty(document: Mapping[str, Any]) -> tuple[str, str] | None:
 
 
 def fault_of(document: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return whether there is a fault, and how probable that is; earlier versions did not say it."""
-    return document.get("fault") or {"present": None, "probability": None}
+    """Return whether there is a fault, and how probable that is."""
+    found: Mapping[str, Any] = document["fault"]
+    return found
 
 
 def names_fault(document: Mapping[str, Any]) -> bool:
@@ -214,17 +209,17 @@ def sure_of(document: Mapping[str, Any]) -> str:
 
 def not_excluded(document: Mapping[str, Any]) -> str:
     """Say which labels are left, as words among others, each with its probability; empty where that is not known."""
-    left = document.get("labels")
-    if left is None or document["label"] is None or _knows_one_label(document):
+    if document["label"] is None or _knows_one_label(document):
         return ""
     of = {each["label"]: each["probability"] for each in document["hypotheses"]}
-    return ", ".join(f"{listed(label)} {_written(document, of[label])}" for label in left) or "none of the labels"
+    left = [f"{listed(label)} {_written(document, of[label])}" for label in document["labels"]]
+    return ", ".join(left) or "none of the labels"
 
 
 def unlikeness(document: Mapping[str, Any]) -> str:
     """Say how seldom a recording of the nearest label is as unlike its cases; empty where that is not known."""
     novelty, hypotheses = document["novelty"], document["hypotheses"]
-    if document.get("fault") is None or novelty["distance"] is None or not hypotheses:
+    if novelty["distance"] is None or not hypotheses:
         return ""
     return (
         f"Of recordings of {listed(hypotheses[0]['label'])}, {_once_in(novelty['distance'])} is as unlike their cases; "
@@ -269,17 +264,17 @@ def size_of(document: Mapping[str, Any]) -> tuple[str, Markup, Markup, int] | No
 def remarks_beside(document: Mapping[str, Any]) -> list[str]:
     """Return the remarks that the words of the verdict do not say already."""
     told = verdict_of(document).told
-    return [remark for remark in document.get("remarks", ()) if remark not in told]
+    return [remark for remark in document["remarks"] if remark not in told]
 
 
 def not_compared(document: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the remarks that say why a recording is none of the library's, whatever its distance."""
-    return tuple(remark for remark in document.get("remarks", ()) if remark.startswith(NOT_COMPARED))
+    return tuple(remark for remark in document["remarks"] if remark.startswith(NOT_COMPARED))
 
 
 def is_poor(document: Mapping[str, Any]) -> bool:
     """Whether a quality flag forbids to rely on a label."""
-    return any(flag["severity"] == "poor" for flag in document.get("quality", ()))
+    return any(flag["severity"] == "poor" for flag in document["quality"])
 
 
 def too_short(document: Mapping[str, Any]) -> tuple[str, ...]:
@@ -289,9 +284,9 @@ def too_short(document: Mapping[str, Any]) -> tuple[str, ...]:
     """
     brief = document.get("recording", {}).get("duration_s", LONG_ENOUGH_S) < LONG_ENOUGH_S
     noted = brief and document["verdict"] == "not_in_library"
-    flags = [flag for flag in document.get("quality", ()) if flag["name"].startswith(TOO_SHORT)]
+    flags = [flag for flag in document["quality"] if flag["name"].startswith(TOO_SHORT)]
     found = [flag["reason"] for flag in flags if noted or flag["severity"] != "note"]
-    return (*found, *(remark for remark in document.get("remarks", ()) if remark.startswith(TOO_SHORT)))
+    return (*found, *(remark for remark in document["remarks"] if remark.startswith(TOO_SHORT)))
 
 
 def verdict_of(document: Mapping[str, Any]) -> Verdict:
@@ -307,13 +302,13 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
     if label == "normal":
         summary = f"{sure}{_support(document)} {limits_of(document)}"
         return Verdict("No fault indicated", summary, label, CHECKS[label])
-    present = " and ".join(name_of(fault["label"]) for fault in document.get("faults", ())) or name_of(label)
+    present = " and ".join(name_of(fault["label"]) for fault in document["faults"]) or name_of(label)
     summary = f"{sure}{_size(document)}{_support(document)}"
     return Verdict(f"Fault likely: {present}", summary, label, CHECKS.get(label, OTHER_CHECKS))
 
 
 def _unusable(document: Mapping[str, Any]) -> Verdict:
-    remarks = tuple(document.get("remarks", ()))
+    remarks = tuple(document["remarks"])
     reason = "; ".join(remarks or ["no reason was given"])
     headline = "Unusable: too short" if too_short(document) else "Unusable: the recording cannot be compared"
     checks = (RECORD_AGAIN,) if is_poor(document) or too_short(document) else ("Record again.",)
@@ -365,22 +360,20 @@ def is_compared(document: Mapping[str, Any]) -> bool:
 
 
 def _is_empty(document: Mapping[str, Any]) -> bool:
-    return any(remark.startswith(EMPTY) for remark in document.get("remarks", ()))
+    return any(remark.startswith(EMPTY) for remark in document["remarks"])
 
 
 def _limit(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
     """Return in two words why no answer to a recording can be relied on, and the reasons; empty where it can."""
     short = too_short(document)
-    poor = tuple(remark for remark in document.get("remarks", ()) if remark.startswith(TOO_POOR))
+    poor = tuple(remark for remark in document["remarks"] if remark.startswith(TOO_POOR))
     return "too short" if short else "too poor" if poor or is_poor(document) else "", (*short, *poor)
 
 
 def _border(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
     """Say which border an undecided answer missed, and return the remarks that this says."""
-    told = tuple(remark for remark in document.get("remarks", ()) if remark.startswith((ONE_LABEL, TOO_FEW)))
+    told = tuple(remark for remark in document["remarks"] if remark.startswith((ONE_LABEL, TOO_FEW)))
     why = "".join(f"{sentence(remark)} " for remark in told)
-    if document.get("fault") is None:
-        return f"It is not sure enough of any label. {_sure(document)}{why}", told
     sure = sure_of(document)
     if sure and document["probability"] < DIAGNOSED_FROM:
         return f"How sure: {sure}; {_written(document, DIAGNOSED_FROM)} is asked for. {why}", told
@@ -438,44 +431,16 @@ def _support(document: Mapping[str, Any]) -> str:
 
 def _novelty(document: Mapping[str, Any], reasons: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
     """Return why a recording is none of the library's, and the remarks that this says; what limits it stands first."""
-    novelty, remarks = document["novelty"], tuple(document.get("remarks", ()))
     why = not_compared(document)
-    unlike = () if why else tuple(remark for remark in remarks if remark.startswith(UNLIKE))
-    if why:
-        far = ""
-    elif document.get("fault") is not None:
-        far = unlikeness(document)
-    elif novelty["distance"] is not None and novelty["threshold"] is not None:
-        far = (
-            f"It lies outside the known kinds by {novelty['distance']:.2f} times the spread of normal recordings; "
-            f"recordings of known kinds stay below {novelty['threshold']:.2f}."
-        )
-    else:
-        far = ""
+    unlike = () if why else tuple(remark for remark in document["remarks"] if remark.startswith(UNLIKE))
+    far = "" if why else unlikeness(document)
     said = (*map(sentence, (*reasons, *why, *unlike)), far, "So it gets none of the known labels.")
     return " ".join(filter(None, said)), (*reasons, *why, *unlike)
 
 
 def investigation_headline(document: Mapping[str, Any]) -> str:
-    """Say in one line what an investigation found.
-
-    >>> investigation_headline({"verdict": "nothing_missing", "findings": []})
-    'Nothing was found that these data could show'
-    """
-    told = document.get("story", {}).get("headline")
-    if told:
-        return str(told).removesuffix(".")
-    if document["verdict"] == "nothing_missing":
-        return "Nothing was found that these data could show"
-    if document["verdict"] == "unnamed":
-        return "Something is there that no known mechanism explains"
-    names = [place_words(finding) for finding in document["findings"]]
-    return f"Found: {', '.join(names)}"
-
-
-def place_words(finding: Mapping[str, Any]) -> str:
-    """Name a mechanism and where it sits."""
-    return named(str(finding["mechanism"]), finding.get("location"))
+    """Say in one line what an investigation found."""
+    return str(document["story"]["headline"]).removesuffix(".")
 
 
 def likely_words(finding: Mapping[str, Any]) -> str:

@@ -20,7 +20,24 @@ from tests.sim.discrepancy.telemetry_of import one_body
 
 URL = "/api/v1/investigations"
 AXIS = '{"name": "asked", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 1.0}}'
-DOCUMENT = {"verdict": "nothing_missing", "findings": [], "unexplained": None}
+DOCUMENT = {
+    "verdict": "nothing_missing",
+    **{name: [] for name in ("findings", "parameters", "gain", "remarks", "rejected")},
+    "extended_axis": {},
+    "provenance": {},
+    "unexplained": None,
+    "next_measurement": "",
+    "story": {"headline": "Nothing was found."},
+}
+
+BACKLASH = {
+    "mechanism": "backlash",
+    "location": "output",
+    "probability": 0.95,
+    "parameters": [],
+    "indistinguishable_from": [],
+    "explanation": "",
+}
 
 
 def telemetry(size: float = 1.0) -> bytes:
@@ -116,7 +133,7 @@ def test_only_what_is_named_extends_an_axis_and_its_description_stays(live_serve
     with library.transaction("test") as session:
         row = StoredInvestigation(
             state="done", axis=str(described["name"]), axis_document=described, inputs={}, created_by="me",
-            document={"verdict": verdict, "extended_axis": extended},
+            document={**DOCUMENT, "verdict": verdict, "extended_axis": extended},
         )  # fmt: skip
         session.add(row)
         session.flush()
@@ -255,7 +272,7 @@ def test_two_of_one_axis_are_compared_and_those_of_two_axes_refused(
     with library.transaction("test") as session:
         for name, axis, findings in (
             ("earlier", "twice", []),
-            ("later", "twice", [{"mechanism": "backlash", "location": "output", "probability": 0.95}]),
+            ("later", "twice", [BACKLASH]),
             ("other", "once", []),
         ):
             document = {**DOCUMENT, "verdict": "named" if findings else "nothing_missing", "findings": findings}

@@ -9,6 +9,9 @@ from sqlalchemy.orm import Session
 from casebase.models import Extractor, FeatureRow, StoredDiagnosis, StoredRecording, new_id
 from casebase.signals.features import EXTRACTOR_VERSION, NAMES
 
+LISTS = ("hypotheses", "labels", "neighbours", "faults", "evidence", "remarks", "disturbances", "quality")
+UNKNOWN = {"fault": {"present": None, "probability": None}, "novelty": {"distance": None, "threshold": None}}
+
 
 def keep(
     session: Session,
@@ -60,12 +63,13 @@ def keep(
     session.add_all((recording, row))
     if label is not None or verdict != "diagnosed":
         said = {"verdict": verdict, "label": label, "probability": 0.95}
+        document = {**{name: [] for name in LISTS}, **UNKNOWN, **document}
         document |= {**said, "severity": None, "id": identity, "provenance": {"gearboxes": 5}}
         document["recording"] = {"axis": axis, "gearbox": gearbox}
         given = StoredDiagnosis(
             id=identity, recording=recording, verdict=verdict, label=label, probability=0.95, created_by="test"
         )
-        given.written = document
+        given.document = document
         session.add(given)
     session.flush()
     return recording

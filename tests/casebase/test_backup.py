@@ -6,13 +6,12 @@ from pathlib import Path
 import pytest
 from sqlalchemy import select
 
-from casebase import renewal
 from casebase.backup import CHECKSUMS, DATABASE, backup, restore, verify
 from casebase.case_filter import CaseFilter
 from casebase.database import create_engine_for
 from casebase.errors import BackupError
 from casebase.library import CaseLibrary
-from casebase.models import Base, FeatureRow
+from casebase.models import Base
 from tests.casebase.sounds import add_sound, write_sound
 
 
@@ -120,24 +119,3 @@ def test_nothing_is_overwritten(filled: CaseLibrary, tmp_path: Path) -> None:
     with pytest.raises(BackupError, match="not empty"):
         restore(tmp_path / "copy", filled.data_dir)
     filled.close()
-
-
-def test_a_changed_extractor_extracts_again(
-    library: CaseLibrary, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    case = add_sound(library, write_sound(tmp_path / "0.wav", 0), "notch")
-    with library.transaction("anna") as session:
-        for row in session.query(FeatureRow).all():
-            session.delete(row)
-    with library.reading() as session:
-        assert renewal.count_outdated(session) == 1
-    assert renewal.renew(library, "anna") == renewal.Renewed(1, {})
-    with library.reading() as session:
-        assert renewal.count_outdated(session) == 0
-        assert [str(each) for each in library.reuse.reasoner(session).table.ids] == [case.id]
-        assert library.retrieve.case(session, case.id).version == case.version
-    library.retrieve.audio_path(case.recording).unlink()
-    with library.transaction("anna") as session:
-        for row in session.query(FeatureRow).all():
-            session.delete(row)
-    assert "missing from the data folder" in renewal.renew(library, "anna").failed[case.recording_id]

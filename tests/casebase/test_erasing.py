@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import update
 
-from casebase import audit, renewal
+from casebase import audit
 from casebase.backup import backup, erased_in, restore, verify
 from casebase.bundle import MANIFEST, export_cases, import_cases
 from casebase.case_filter import CaseFilter
@@ -16,7 +16,7 @@ from casebase.description import RecordingDescription
 from casebase.erasing import erase, expire
 from casebase.errors import ErasedError, NotFoundError
 from casebase.library import CaseLibrary
-from casebase.models import FeatureRow, StoredRecording, now
+from casebase.models import StoredRecording, now
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.decode import read_recording
 from casebase.signals.features import extract
@@ -126,17 +126,6 @@ def test_bytes_that_a_crash_left_go_with_the_next_look(library: CaseLibrary, tmp
     library.audio.put(tmp_path / "a.wav")
     expire(library, "retention", 30)
     assert gone(library, row.id)
-
-
-def test_a_new_extractor_leaves_what_was_erased_and_says_why(library: CaseLibrary, tmp_path: Path) -> None:
-    row = stored(library, write_sound(tmp_path / "a.wav", 1))
-    with library.transaction("anna") as session:
-        erase(library, session, row.id)
-        for features in session.query(FeatureRow).all():
-            session.delete(features)
-    assert "erased" in renewal.renew(library, "anna").failed[row.id]
-    with library.reading() as session:
-        assert (renewal.count_outdated(session), renewal.count_left_behind(session)) == (0, 1)
 
 
 def test_a_bundle_says_which_cases_have_no_audio(library: CaseLibrary, tmp_path: Path) -> None:

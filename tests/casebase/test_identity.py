@@ -4,17 +4,13 @@ from pathlib import Path
 
 import pytest
 import soundfile
-from sqlalchemy import select, text, update
 
-from casebase import renewal
 from casebase.bundle import export_cases, import_cases
 from casebase.case_filter import CaseFilter
-from casebase.counter import count_change
-from casebase.database import create_engine_for, sqlite_url, upgrade_database
 from casebase.description import Labelling, RecordingDescription
 from casebase.errors import DuplicateError
 from casebase.library import CaseLibrary
-from casebase.models import Case, SoundKey, StoredDiagnosis, StoredRecording
+from casebase.models import Case, StoredDiagnosis
 from casebase.review import apply, review
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.decode import read_recording
@@ -150,46 +146,3 @@ def test_a_bundle_with_copies_is_taken_but_for_those(library: CaseLibrary, tmp_p
     done = import_cases(library, tmp_path / "all.zip", "bert")
     assert len(done.case_ids) == 1
     assert [case.id in reason for reason in done.refused.values()] == [True]
-
-
-def test_recordings_of_a_library_from_before_are_known_once_their_fingerprints_are_taken(
-    library: CaseLibrary, tmp_path: Path
-) -> None:
-    path = write_sound(tmp_path / "a.wav", 1)
-    first = add_unasked(library, path, "notch", "g1")
-    second = add_unasked(library, copy_of(path, "a.flac"), "normal", "g1")
-    lost = add_sound(library, write_sound(tmp_path / "b.wav", 2), "notch")
-    with library.transaction("anna") as session:
-        session.execute(update(StoredRecording).values(sound=None, sound_id=StoredRecording.id))
-        session.execute(SoundKey.__table__.delete())  # type: ignore[attr-defined]
-        count_change(session)
-    library.retrieve.audio_path(lost.recording).unlink()
-    assert set(renewal.renew(library, "anna").failed) == {lost.recording_id}
-    with library.reading() as session:
-        rows = {case.id: case.recording.sound_id for case in session.scalars(select(Case))}
-        assert rows[first.id] == rows[second.id] != rows[lost.id]
-        assert renewal.count_outdated(session) == 0, "what cannot be read is not tried again"
-        assert library.retrieve.table(session).ids.tolist() == [lost.id]
-
-
-def test_the_migration_knows_equal_samples_at_once(tmp_path: Path) -> None:
-    engine = create_engine_for(sqlite_url(tmp_path / "old.db"))
-    upgrade_database(engine, "0001")
-    added = {"sound_id", "sound", "erased_at", "erased_by"}
-    columns = [column for column in StoredRecording.__table__.columns if column.name not in added]
-    row = dict.fromkeys((column.name for column in columns), 1) | {"quality": "[]", "description": "{}"}
-    with engine.begin() as connection:
-        names = ", ".join(column.name for column in columns)
-        for identity, samples in (("r1", "same"), ("r2", "other"), ("r3", "same")):
-            given = row | {"id": identity, "fingerprint": identity, "samples_sha256": samples}
-            values = {
-                name: str(value) if name in ("quality", "description") else value for name, value in given.items()
-            }
-            values |= {"created_at": "2026-01-01 00:00:00", "recorded_at": None}
-            places = ", ".join(f":{column.name}" for column in columns)
-            connection.execute(text(f"INSERT INTO recordings ({names}) VALUES ({places})"), values)
-    upgrade_database(engine)
-    with engine.connect() as connection:
-        found = connection.execute(text("SELECT id, sound_id, erased_at FROM recordings ORDER BY id")).all()
-    assert [tuple(each) for each in found] == [("r1", "r1", None), ("r2", "r2", None), ("r3", "r1", None)]
-    engine.dispose()

@@ -1,13 +1,10 @@
 """The panels of an investigation show an effect where it was put, and that the better model takes it away."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-import app
-from app.web.story import candidates_of
 from sim.description.axis_document import read_axis
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.report.summary import story
@@ -86,11 +83,3 @@ def test_spectra_left_and_right_are_of_the_same_rows() -> None:
     _, left = panel(told, "overlay", "Motor torque, spectrum: residual")
     near = np.abs(np.array(found["x"]) - 120.0) < 2.0
     assert np.abs(overlay["measured"] - left["description, calibrated"])[near].max() < 0.5
-
-
-def test_an_older_document_shows_no_probability_of_what_was_rejected() -> None:
-    kept = {"mechanism": "backlash", "location": "output", "probability": 1.0, "reason": "It explains nothing."}
-    (candidate,) = candidates_of({"story": {"candidates": [kept]}})
-    assert (candidate["explains"], candidate["needed"], candidate["instead_of"]) == (None, None, None)
-    template = (Path(app.__file__).parent / "web" / "templates" / "investigation.html").read_text()
-    assert "one.probability" not in template

@@ -26,7 +26,6 @@ from casebase.gearbox_state import Reason, Standing, State, standing
 from casebase.gearboxes import History
 from casebase.labels import BASELINES
 from casebase.models import StoredDiagnosis, StoredInvestigation, StoredRecording, now
-from casebase.stored_documents import diagnosis_document
 from casebase.trend import Trend, trend_of
 
 router = APIRouter()
@@ -166,12 +165,12 @@ def diagnoses_said(session: Session, standings: Sequence[Standing | None]) -> li
     ]
     ids = [each for each in shown if each]
     columns = (StoredDiagnosis.id, StoredDiagnosis.verdict, StoredDiagnosis.label, StoredDiagnosis.probability)
-    parts = [StoredDiagnosis.written[name] for name in SAID_BY]  # a document is long
+    parts = [StoredDiagnosis.document[name] for name in SAID_BY]  # a document is long
     rows = session.execute(select(*columns, *parts).where(StoredDiagnosis.id.in_(ids))) if ids else ()
     told: dict[str, str] = {}
     for identity, verdict, label, probability, *found in rows:
-        known = {name: part for name, part in zip(SAID_BY, found, strict=True) if part is not None}
-        document = diagnosis_document({"verdict": verdict, "label": label, "probability": probability, **known})
+        known = dict(zip(SAID_BY, found, strict=True))
+        document = {"verdict": verdict, "label": label, "probability": probability, **known}
         if verdict == "diagnosed":
             told[identity] = sure_of(document)
         elif verdict == "ambiguous" or not is_compared(document):
@@ -181,7 +180,7 @@ def diagnoses_said(session: Session, standings: Sequence[Standing | None]) -> li
 
 def sizes_of(session: Session, history: History) -> dict[str, dict[str, float]]:
     """Return the size of the fault that the diagnosis of a recording gives, by the recording's id."""
-    size = StoredDiagnosis.written["severity"]
+    size = StoredDiagnosis.document["severity"]
     rows = session.execute(
         select(StoredDiagnosis.recording_id, size)
         .join(StoredDiagnosis.recording)

@@ -32,7 +32,7 @@ from app.web.log_preview import log_preview, sound_preview
 from app.web.robot import joints_of, of_robot
 from app.web.self_contained import self_contained
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
-from app.web.story import Part, Shown, box_shown, candidates_of, panel_of, panels_of
+from app.web.story import Part, Shown, box_shown, panel_of, panels_of
 from app.web.templating import instant, render
 from app.web.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
 from app.web.work_sheet import Sheet, investigation_pdf
@@ -153,9 +153,9 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "overlay": panels_of(document, "overlay"),
         "residual": panels_of(document, "residual"),
         "sound": panels_of(document, "sound"),
-        "candidates": candidates_of(document),
-        "checked": document.get("story", {}).get("checked", ()),
-        "not_examined": document.get("story", {}).get("not_examined", ()),
+        "candidates": document["story"].get("candidates", ()),
+        "checked": document["story"].get("checked", ()),
+        "not_examined": document["story"].get("not_examined", ()),
         "diagnosed": diagnosis_words(session, row),
         "others": others_of(session, row),
         "accepted": session.scalars(select(AxisRevision).where(AxisRevision.investigation_id == row.id)).first(),
@@ -191,9 +191,7 @@ def box_of_row(row: StoredInvestigation) -> list[Shown]:
         return []
     if row.robot:
         return box_shown(row.document, box_of_robot(row.document))
-    heard = "telemetry" not in row.inputs  # whose probabilities were never calibrated, nor said so by older versions
-    findings = [{"calibrated": not heard, **finding} for finding in row.document["findings"]]
-    return box_shown(row.document, box_of({**row.document, "findings": findings}, described(row)))
+    return box_shown(row.document, box_of(row.document, described(row)))
 
 
 def bar_of(document: Mapping[str, Any]) -> str:

@@ -13,7 +13,16 @@ from casebase.alarms.state import state_of
 from casebase.diagnoses import revise_diagnosis
 from casebase.errors import ConflictError, InvalidRequestError
 from casebase.library import CaseLibrary
-from casebase.models import AuditEntry, Delivery, MaintenanceMark, StoredDiagnosis, StoredJob, StoredRecording, now
+from casebase.models import (
+    AuditEntry,
+    Delivery,
+    MaintenanceMark,
+    StoredDiagnosis,
+    StoredJob,
+    StoredRecording,
+    new_id,
+    now,
+)
 
 _numbers = itertools.count()
 
@@ -30,6 +39,7 @@ def diagnosed(
     """Store a diagnosis of the axis `bench` as it comes in, and hold the rules against it; return its id."""
     digest = f"{next(_numbers):064x}"
     recording = StoredRecording(
+        sound_id=new_id(),
         fingerprint=digest,
         samples_sha256=digest,
         file_sha256=digest,

@@ -10,9 +10,16 @@ from sqlalchemy.exc import DBAPIError
 import migrations
 from casebase.case_filter import CaseFilter
 from casebase.counter import library_version
-from casebase.database import migration_config
+from casebase.database import migration_config, upgrade_database
 from casebase.description import Labelling
-from casebase.errors import ConflictError, DuplicateError, InvalidRequestError, NotFoundError, StaleVersionError
+from casebase.errors import (
+    ConflictError,
+    DuplicateError,
+    InvalidRequestError,
+    NotFoundError,
+    SchemaError,
+    StaleVersionError,
+)
 from casebase.library import CaseLibrary
 from casebase.models import Base
 from tests.casebase.made import add_case, store
@@ -33,6 +40,13 @@ def test_a_database_at_the_newest_revision_is_known_without_looking_through_the_
             == migrations.NEWEST
             == MigrationContext.configure(connection).get_current_revision()
         )
+
+
+def test_tables_of_another_version_are_refused_in_a_sentence(sqlite_library: CaseLibrary) -> None:
+    with sqlite_library.engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '0008'"))
+    with pytest.raises(SchemaError, match="revision 0008"):
+        upgrade_database(sqlite_library.engine)
 
 
 def test_same_recording_twice_is_one(library: CaseLibrary) -> None:

@@ -1,4 +1,4 @@
-"""The first tables: recordings, features, cases, diagnoses, axes, keys, audit, artifacts, investigations."""
+"""The tables of a library."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -7,13 +7,11 @@ from sqlalchemy.dialects.postgresql import JSONB
 
 from casebase.database import FloatVector, UtcDateTime
 
-revision = "0001"
+revision = "1"
 down_revision = None
-branch_labels = None
-depends_on = None
 
 JSON = sa.JSON().with_variant(JSONB(), "postgresql")
-
+ACTIVE, STANDING, UNFINISHED = (sa.text(words) for words in ("active", "ended_at IS NULL", "finished_at IS NULL"))
 SQLITE_TRIGGERS = tuple(
     f"CREATE TRIGGER audit_no_{verb.lower()} BEFORE {verb} ON audit "
     "BEGIN SELECT RAISE(ABORT, 'the audit table is append-only'); END"
@@ -39,6 +37,36 @@ def upgrade() -> None:
 
 def create_tables() -> None:
     op.create_table(
+        "alarm_receivers",
+        Column("id", sa.String(length=32), nullable=False),
+        Column("name", sa.String(length=200), nullable=False),
+        Column("kind", sa.String(length=20), nullable=False),
+        Column("address", sa.Text(), nullable=False),
+        Column("secret", sa.String(length=100)),
+        Column("quiet_from", sa.String(length=5)),
+        Column("quiet_to", sa.String(length=5)),
+        Column("created_at", UtcDateTime(), nullable=False),
+        Column("created_by", sa.String(length=200), nullable=False),
+        sa.PrimaryKeyConstraint("id", name=op.f("pk_alarm_receivers")),
+    )
+    op.create_table(
+        "alarm_rules",
+        Column("id", sa.String(length=32), nullable=False),
+        Column("name", sa.String(length=200), nullable=False),
+        Column("kind", sa.String(length=20), nullable=False),
+        Column("axis", sa.String(length=200)),
+        Column("gearbox", sa.String(length=200)),
+        Column("verdict", sa.String(length=20)),
+        Column("label", sa.String(length=100)),
+        Column("least_probability", sa.Double()),
+        Column("least_size_rad", sa.Double()),
+        Column("silent_days", sa.Double()),
+        Column("receivers", JSON, nullable=False),
+        Column("created_at", UtcDateTime(), nullable=False),
+        Column("created_by", sa.String(length=200), nullable=False),
+        sa.PrimaryKeyConstraint("id", name=op.f("pk_alarm_rules")),
+    )
+    op.create_table(
         "api_keys",
         Column("id", sa.String(length=32), nullable=False),
         Column("name", sa.String(length=200), nullable=False),
@@ -46,8 +74,8 @@ def create_tables() -> None:
         Column("key_sha256", sa.String(length=64), nullable=False),
         Column("created_at", UtcDateTime(), nullable=False),
         Column("created_by", sa.String(length=200), nullable=False),
-        Column("last_used_at", UtcDateTime(), nullable=True),
-        Column("revoked_at", UtcDateTime(), nullable=True),
+        Column("last_used_at", UtcDateTime()),
+        Column("revoked_at", UtcDateTime()),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_api_keys")),
         sa.UniqueConstraint("key_sha256", name=op.f("uq_api_keys_key_sha256")),
     )
@@ -56,7 +84,7 @@ def create_tables() -> None:
         Column("kind", sa.String(length=100), nullable=False),
         Column("version", sa.Integer(), nullable=False),
         Column("content", JSON, nullable=False),
-        Column("score", sa.Double(), nullable=True),
+        Column("score", sa.Double()),
         Column("score_detail", JSON, nullable=False),
         Column("active", sa.Boolean(), nullable=False),
         Column("created_at", UtcDateTime(), nullable=False),
@@ -64,12 +92,7 @@ def create_tables() -> None:
         sa.PrimaryKeyConstraint("kind", "version", name=op.f("pk_artifacts")),
     )
     op.create_index(
-        "uq_artifacts_active",
-        "artifacts",
-        ["kind"],
-        unique=True,
-        sqlite_where=sa.text("active"),
-        postgresql_where=sa.text("active"),
+        "uq_artifacts_active", "artifacts", ["kind"], unique=True, sqlite_where=ACTIVE, postgresql_where=ACTIVE
     )
     op.create_table(
         "audit",
@@ -81,10 +104,25 @@ def create_tables() -> None:
         Column("subject_id", sa.String(length=200), nullable=False),
         Column("before", JSON, nullable=False),
         Column("after", JSON, nullable=False),
-        Column("request_id", sa.String(length=100), nullable=True),
+        Column("request_id", sa.String(length=100)),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_audit")),
     )
     op.create_index("ix_audit_subject", "audit", ["subject_kind", "subject_id", "id"], unique=False)
+    op.create_table(
+        "deliveries",
+        Column("id", sa.String(length=32), nullable=False),
+        Column("receiver_id", sa.String(length=32), nullable=False),
+        Column("receiver_name", sa.String(length=200), nullable=False),
+        Column("message", JSON, nullable=False),
+        Column("state", sa.String(length=20), nullable=False),
+        Column("attempts", sa.Integer(), nullable=False),
+        Column("job_id", sa.String(length=100)),
+        Column("next_at", UtcDateTime()),
+        Column("sent_at", UtcDateTime()),
+        Column("error", sa.Text()),
+        Column("created_at", UtcDateTime(), nullable=False),
+        sa.PrimaryKeyConstraint("id", name=op.f("pk_deliveries")),
+    )
     op.create_table(
         "extractors",
         Column("version", sa.String(length=100), nullable=False),
@@ -96,9 +134,9 @@ def create_tables() -> None:
         Column("actor", sa.String(length=200), nullable=False),
         Column("key", sa.String(length=255), nullable=False),
         Column("request_sha256", sa.String(length=64), nullable=False),
-        Column("status", sa.Integer(), nullable=True),
+        Column("status", sa.Integer()),
         Column("headers", JSON, nullable=False),
-        Column("body", sa.LargeBinary(), nullable=True),
+        Column("body", sa.LargeBinary()),
         Column("created_at", UtcDateTime(), nullable=False),
         sa.PrimaryKeyConstraint("actor", "key", name=op.f("pk_idempotency")),
     )
@@ -106,21 +144,42 @@ def create_tables() -> None:
     op.create_table(
         "investigations",
         Column("id", sa.String(length=32), nullable=False),
-        Column("job_id", sa.String(length=100), nullable=True),
+        Column("job_id", sa.String(length=100)),
         Column("state", sa.String(length=20), nullable=False),
-        Column("axis", sa.String(length=200), nullable=True),
+        Column("axis", sa.String(length=200)),
+        Column("robot", sa.String(length=200)),
         Column("axis_document", JSON, nullable=False),
         Column("inputs", JSON, nullable=False),
-        Column("document", JSON, nullable=True),
-        Column("report", sa.Text(), nullable=True),
-        Column("error", sa.Text(), nullable=True),
+        Column("document", JSON),
+        Column("report", sa.Text()),
+        Column("error", sa.Text()),
         Column("created_at", UtcDateTime(), nullable=False),
-        Column("finished_at", UtcDateTime(), nullable=True),
+        Column("finished_at", UtcDateTime()),
         Column("created_by", sa.String(length=200), nullable=False),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_investigations")),
         sa.UniqueConstraint("job_id", name=op.f("uq_investigations_job_id")),
     )
     op.create_index(op.f("ix_investigations_axis"), "investigations", ["axis"], unique=False)
+    op.create_index(op.f("ix_investigations_robot"), "investigations", ["robot"], unique=False)
+    op.create_table(
+        "jobs",
+        Column("id", sa.String(length=100), nullable=False),
+        Column("kind", sa.String(length=100), nullable=False),
+        Column("parameters", JSON, nullable=False),
+        Column("state", sa.String(length=20), nullable=False),
+        Column("progress", JSON, nullable=False),
+        Column("result", JSON),
+        Column("error", sa.Text()),
+        Column("created_at", UtcDateTime(), nullable=False),
+        Column("finished_at", UtcDateTime()),
+        Column("submitted_by", sa.String(length=200)),
+        Column("not_before", UtcDateTime()),
+        sa.PrimaryKeyConstraint("id", name=op.f("pk_jobs")),
+    )
+    op.create_index("ix_jobs_created", "jobs", ["created_at", "id"], unique=False)
+    op.create_index(
+        "ix_jobs_unfinished", "jobs", ["id"], unique=False, sqlite_where=UNFINISHED, postgresql_where=UNFINISHED
+    )
     op.create_table(
         "library_counter",
         Column("id", sa.Integer(), autoincrement=False, nullable=False),
@@ -131,8 +190,10 @@ def create_tables() -> None:
         "maintenance_marks",
         Column("id", sa.String(length=32), nullable=False),
         Column("axis", sa.String(length=200), nullable=False),
-        Column("gearbox", sa.String(length=200), nullable=True),
+        Column("gearbox", sa.String(length=200)),
         Column("at", UtcDateTime(), nullable=False),
+        Column("kind", sa.String(length=20), nullable=False),
+        Column("successor", sa.String(length=200)),
         Column("text", sa.Text(), nullable=False),
         Column("created_at", UtcDateTime(), nullable=False),
         Column("created_by", sa.String(length=200), nullable=False),
@@ -144,6 +205,8 @@ def create_tables() -> None:
         Column("id", sa.String(length=32), nullable=False),
         Column("fingerprint", sa.String(length=64), nullable=False),
         Column("samples_sha256", sa.String(length=64), nullable=False),
+        Column("sound_id", sa.String(length=32), nullable=False),
+        Column("sound", sa.LargeBinary(), nullable=False),
         Column("file_sha256", sa.String(length=64), nullable=False),
         Column("file_name", sa.String(length=255), nullable=False),
         Column("media_type", sa.String(length=100), nullable=False),
@@ -155,27 +218,59 @@ def create_tables() -> None:
         Column("unit", sa.String(length=20), nullable=False),
         Column("usable", sa.Boolean(), nullable=False),
         Column("quality", JSON, nullable=False),
-        Column("axis", sa.String(length=200), nullable=True),
-        Column("gearbox", sa.String(length=200), nullable=True),
-        Column("payload_kg_m2", sa.Double(), nullable=True),
-        Column("speed_rad_s", sa.Double(), nullable=True),
-        Column("recorded_at", UtcDateTime(), nullable=True),
+        Column("axis", sa.String(length=200)),
+        Column("gearbox", sa.String(length=200)),
+        Column("payload_kg_m2", sa.Double()),
+        Column("speed_rad_s", sa.Double()),
+        Column("recorded_at", UtcDateTime()),
         Column("description", JSON, nullable=False),
         Column("created_at", UtcDateTime(), nullable=False),
         Column("created_by", sa.String(length=200), nullable=False),
+        Column("erased_at", UtcDateTime()),
+        Column("erased_by", sa.String(length=200)),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_recordings")),
         sa.UniqueConstraint("fingerprint", name=op.f("uq_recordings_fingerprint")),
     )
     op.create_index("ix_recordings_axis_gearbox", "recordings", ["axis", "gearbox", "id"], unique=False)
     op.create_index(op.f("ix_recordings_file_sha256"), "recordings", ["file_sha256"], unique=False)
     op.create_index(op.f("ix_recordings_samples_sha256"), "recordings", ["samples_sha256"], unique=False)
+    op.create_index(op.f("ix_recordings_sound_id"), "recordings", ["sound_id"], unique=False)
+    op.create_table(
+        "workers",
+        Column("id", sa.String(length=100), nullable=False),
+        Column("beats", sa.Integer(), nullable=False),
+        Column("lease_s", sa.Double(), nullable=False),
+        Column("started_at", UtcDateTime(), nullable=False),
+        sa.PrimaryKeyConstraint("id", name=op.f("pk_workers")),
+    )
+    op.create_table(
+        "alarms",
+        Column("id", sa.String(length=32), nullable=False),
+        Column("rule_id", sa.String(length=32), nullable=False),
+        Column("axis", sa.String(length=200), nullable=False),
+        Column("gearbox", sa.String(length=200), nullable=False),
+        Column("began_at", UtcDateTime(), nullable=False),
+        Column("ended_at", UtcDateTime()),
+        sa.ForeignKeyConstraint(
+            ["rule_id"], ["alarm_rules.id"], name=op.f("fk_alarms_rule_id_alarm_rules"), ondelete="CASCADE"
+        ),
+        sa.PrimaryKeyConstraint("id", name=op.f("pk_alarms")),
+    )
+    op.create_index(
+        "uq_alarms_standing",
+        "alarms",
+        ["rule_id", "axis", "gearbox"],
+        unique=True,
+        sqlite_where=STANDING,
+        postgresql_where=STANDING,
+    )
     op.create_table(
         "axes",
         Column("name", sa.String(length=200), nullable=False),
         Column("revision", sa.Integer(), nullable=False),
         Column("document", JSON, nullable=False),
-        Column("note", sa.Text(), nullable=True),
-        Column("investigation_id", sa.String(length=32), nullable=True),
+        Column("note", sa.Text()),
+        Column("investigation_id", sa.String(length=32)),
         Column("created_at", UtcDateTime(), nullable=False),
         Column("created_by", sa.String(length=200), nullable=False),
         sa.ForeignKeyConstraint(
@@ -188,22 +283,23 @@ def create_tables() -> None:
         Column("id", sa.String(length=32), nullable=False),
         Column("recording_id", sa.String(length=32), nullable=False),
         Column("verdict", sa.String(length=20), nullable=False),
-        Column("label", sa.String(length=100), nullable=True),
-        Column("probability", sa.Double(), nullable=True),
+        Column("label", sa.String(length=100)),
+        Column("probability", sa.Double()),
         Column("document", JSON, nullable=False),
         Column("state", sa.String(length=20), nullable=False),
-        Column("revised_label", sa.String(length=100), nullable=True),
-        Column("verified_by", sa.String(length=500), nullable=True),
-        Column("note", sa.Text(), nullable=True),
-        Column("revised_by", sa.String(length=200), nullable=True),
-        Column("revised_at", UtcDateTime(), nullable=True),
+        Column("revised_label", sa.String(length=100)),
+        Column("verified_by", sa.String(length=500)),
+        Column("verification", sa.String(length=20)),
+        Column("note", sa.Text()),
+        Column("revised_by", sa.String(length=200)),
+        Column("revised_at", UtcDateTime()),
         Column("version", sa.Integer(), nullable=False),
         Column("created_at", UtcDateTime(), nullable=False),
         Column("created_by", sa.String(length=200), nullable=False),
         sa.ForeignKeyConstraint(["recording_id"], ["recordings.id"], name=op.f("fk_diagnoses_recording_id_recordings")),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_diagnoses")),
     )
-    op.create_index(op.f("ix_diagnoses_recording_id"), "diagnoses", ["recording_id"], unique=False)
+    op.create_index("ix_diagnoses_recording_version", "diagnoses", ["recording_id", "version"], unique=False)
     op.create_index("ix_diagnoses_state", "diagnoses", ["state", "id"], unique=False)
     op.create_index("ix_diagnoses_verdict", "diagnoses", ["verdict", "id"], unique=False)
     op.create_table(
@@ -215,38 +311,59 @@ def create_tables() -> None:
         Column("motion", JSON, nullable=False),
         Column("events", JSON, nullable=False),
         sa.ForeignKeyConstraint(
-            ["extractor_version"],
-            ["extractors.version"],
-            name=op.f("fk_features_extractor_version_extractors"),
+            ["extractor_version"], ["extractors.version"], name=op.f("fk_features_extractor_version_extractors")
         ),
         sa.ForeignKeyConstraint(
-            ["recording_id"],
-            ["recordings.id"],
-            name=op.f("fk_features_recording_id_recordings"),
-            ondelete="CASCADE",
+            ["recording_id"], ["recordings.id"], name=op.f("fk_features_recording_id_recordings"), ondelete="CASCADE"
         ),
         sa.PrimaryKeyConstraint("recording_id", "extractor_version", name=op.f("pk_features")),
     )
     op.create_index(op.f("ix_features_extractor_version"), "features", ["extractor_version"], unique=False)
     op.create_table(
+        "robots",
+        Column("name", sa.String(length=200), nullable=False),
+        Column("revision", sa.Integer(), nullable=False),
+        Column("document", JSON, nullable=False),
+        Column("urdf", sa.Text(), nullable=False),
+        Column("note", sa.Text()),
+        Column("investigation_id", sa.String(length=32)),
+        Column("created_at", UtcDateTime(), nullable=False),
+        Column("created_by", sa.String(length=200), nullable=False),
+        sa.ForeignKeyConstraint(
+            ["investigation_id"], ["investigations.id"], name=op.f("fk_robots_investigation_id_investigations")
+        ),
+        sa.PrimaryKeyConstraint("name", "revision", name=op.f("pk_robots")),
+    )
+    op.create_table(
+        "sound_keys",
+        Column("word", sa.Integer(), autoincrement=False, nullable=False),
+        Column("recording_id", sa.String(length=32), nullable=False),
+        sa.ForeignKeyConstraint(
+            ["recording_id"], ["recordings.id"], name=op.f("fk_sound_keys_recording_id_recordings"), ondelete="CASCADE"
+        ),
+        sa.PrimaryKeyConstraint("word", "recording_id", name=op.f("pk_sound_keys")),
+    )
+    op.create_index(op.f("ix_sound_keys_recording_id"), "sound_keys", ["recording_id"], unique=False)
+    op.create_table(
         "cases",
         Column("id", sa.String(length=32), nullable=False),
-        Column("key", sa.String(length=200), nullable=True),
+        Column("key", sa.String(length=200)),
         Column("recording_id", sa.String(length=32), nullable=False),
-        Column("diagnosis_id", sa.String(length=32), nullable=True),
+        Column("diagnosis_id", sa.String(length=32)),
         Column("label", sa.String(length=100), nullable=False),
         Column("origin", sa.String(length=20), nullable=False),
         Column("state", sa.String(length=20), nullable=False),
-        Column("mechanism", sa.String(length=100), nullable=True),
-        Column("location", sa.String(length=100), nullable=True),
-        Column("severity", sa.Double(), nullable=True),
+        Column("mechanism", sa.String(length=100)),
+        Column("location", sa.String(length=100)),
+        Column("severity", sa.Double()),
         Column("parameters", JSON, nullable=False),
-        Column("model_version", sa.String(length=100), nullable=True),
-        Column("batch", sa.String(length=100), nullable=True),
+        Column("model_version", sa.String(length=100)),
+        Column("batch", sa.String(length=100)),
         Column("labelled_by", sa.String(length=200), nullable=False),
-        Column("verified_by", sa.String(length=500), nullable=True),
-        Column("quarantine_reason", sa.Text(), nullable=True),
-        Column("note", sa.Text(), nullable=True),
+        Column("verified_by", sa.String(length=500)),
+        Column("verification", sa.String(length=20)),
+        Column("quarantine_reason", sa.Text()),
+        Column("note", sa.Text()),
         Column("version", sa.Integer(), nullable=False),
         Column("library_version", sa.Integer(), nullable=False),
         Column("created_at", UtcDateTime(), nullable=False),
@@ -260,23 +377,5 @@ def create_tables() -> None:
     op.create_index(op.f("ix_cases_diagnosis_id"), "cases", ["diagnosis_id"], unique=False)
     op.create_index("ix_cases_label_origin", "cases", ["label", "origin", "id"], unique=False)
     op.create_index(op.f("ix_cases_library_version"), "cases", ["library_version"], unique=False)
-    op.create_index(op.f("ix_cases_recording_id"), "cases", ["recording_id"], unique=False)
+    op.create_index("ix_cases_recording_version", "cases", ["recording_id", "version"], unique=False)
     op.create_index("ix_cases_state", "cases", ["state", "id"], unique=False)
-
-
-def downgrade() -> None:
-    op.drop_table("cases")
-    op.drop_table("features")
-    op.drop_table("diagnoses")
-    op.drop_table("axes")
-    op.drop_table("recordings")
-    op.drop_table("maintenance_marks")
-    op.drop_table("library_counter")
-    op.drop_table("investigations")
-    op.drop_table("idempotency")
-    op.drop_table("extractors")
-    op.drop_table("audit")
-    op.drop_table("artifacts")
-    op.drop_table("api_keys")
-    if op.get_bind().dialect.name == "postgresql":
-        op.execute("DROP FUNCTION audit_append_only()")
