@@ -1,6 +1,6 @@
 """Cases whose features are known exactly, because they are made here."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +68,16 @@ def add_case(
     """Store a recording and make it a case."""
     row = store(library, session, values, seed=seed, gearbox=gearbox)
     return library.retain.case(session, row, Labelling(label, origin=origin))
+
+
+def heard_table(heard: Callable[[str, int], Extraction], boxes: int, axis: str = "axis", apart: int = 10) -> CaseTable:
+    """Return cases of gearboxes, two of each label; seeds of a gearbox are `apart` from those of the next."""
+    made = [
+        (box, label, apart * box + i) for box in range(boxes) for label in ("normal", "notch", "play") for i in (0, 1)
+    ]
+    vectors = [heard(label, seed).features for _, label, seed in made]
+    values = np.array([each.values for each in vectors])
+    return measured_table(vectors[0].names, values, [label for _, label, _ in made], [box for box, _, _ in made], axis)
 
 
 def measured_table(

@@ -10,19 +10,10 @@ import pytest
 
 from casebase.bundle import MANIFEST, SCHEMA, BundleLimits, export_cases, import_cases
 from casebase.case_filter import CaseFilter
-from casebase.database import create_engine_for, sqlite_url, upgrade_database
 from casebase.errors import BundleError
 from casebase.library import CaseLibrary
 from casebase.signals.features import EXTRACTOR_VERSION
 from tests.casebase.sounds import add_sound, write_sound
-
-
-def fresh_library(folder: Path) -> CaseLibrary:
-    """Return an empty library in a folder."""
-    folder.mkdir()
-    engine = create_engine_for(sqlite_url(folder / "gearcase.db"))
-    upgrade_database(engine)
-    return CaseLibrary(engine, folder)
 
 
 def test_cases_survive_the_journey(library: CaseLibrary, tmp_path: Path) -> None:
@@ -32,7 +23,7 @@ def test_cases_survive_the_journey(library: CaseLibrary, tmp_path: Path) -> None
         assert export_cases(library, session, tmp_path / "all.zip", CaseFilter()).cases == 3
         here = library.reuse.reasoner(session).table
         sent = {case.recording.samples_sha256 for case in library.retrieve.cases(session, CaseFilter()).items}
-    other = fresh_library(tmp_path / "other")
+    other = CaseLibrary.open(tmp_path / "other")
     imported = import_cases(other, tmp_path / "all.zip", "bert")
     assert (len(imported.case_ids), imported.known, imported.refused) == (3, 0, {})
     again = import_cases(other, tmp_path / "all.zip", "bert")

@@ -9,7 +9,7 @@ from casebase.case_table import CaseTable
 from casebase.diagnosis import Diagnosis, Reasoner
 from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
-from tests.casebase.made import measured_table
+from tests.casebase.made import heard_table
 from tests.casebase.signals.synthetic import RATE_HZ, Joint, sound
 
 LABELS = ("normal", "notch", "play")
@@ -22,10 +22,7 @@ def heard(label: str, seed: int, gain: float = 1.0) -> Extraction:
 @pytest.fixture(scope="module")
 def table() -> CaseTable:
     """Three gearboxes, each normal, notch and play."""
-    made = [(box, label, 10 * box + i) for box in range(3) for label in LABELS for i in range(2)]
-    vectors = [heard(label, seed).features for _, label, seed in made]
-    boxes, labels = [box for box, _, _ in made], [label for _, label, _ in made]
-    return measured_table(vectors[0].names, np.array([each.values for each in vectors]), labels, boxes)
+    return heard_table(heard, 3)
 
 
 def said(diagnosis: Diagnosis) -> tuple[str, str | None, list[str]]:

@@ -32,10 +32,7 @@ def made_table(seed: int, gearboxes: int = 5, shift: float = 8.0, classes: int =
 
 def table_of(values: NDArray[np.float64], labels: list[str], gearboxes: list[str]) -> CaseTable:
     """Return a table of measured cases."""
-    ids = np.array([f"{row:032x}" for row in range(len(labels))])
-    axes, origins = np.array(["a"] * len(labels)), np.array(["measured"] * len(labels))
-    columns = (np.array(labels), origins, axes, np.array(gearboxes), ids)
-    return CaseTable(1, "made", NAMES, ids, *columns, values.astype(np.float32))
+    return made.measured_table(NAMES, values, labels, [int(box[1:]) for box in gearboxes], "a")
 
 
 @pytest.mark.parametrize(("right", "of"), [(0, 10), (5, 10), (10, 10), (29, 30)])

@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy import signal
 
-from casebase.case_table import CaseTable
 from casebase.diagnosis import Reasoner
 from casebase.novelty import LEVEL
-from casebase.signals.features import EXTRACTOR_VERSION, Extraction, extract
+from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
+from tests.casebase.made import measured_table
 from tests.casebase.signals.synthetic import RATE_HZ, Joint, sound
 
 SECONDS = 10
@@ -32,21 +32,8 @@ def reasoner() -> Reasoner:
     """Three gearboxes, every class of each."""
     labels = [label for _ in range(3) for label in ("normal", "notch", "play")]
     extractions = [joint(label, seed) for seed, label in enumerate(labels)]
-    word = np.array([f"{row:032x}" for row in range(len(labels))])
     values = np.array([each.features.values for each in extractions])
-    table = CaseTable(
-        1,
-        EXTRACTOR_VERSION,
-        extractions[0].features.names,
-        word,
-        np.array(labels),
-        np.array(["measured"] * len(labels)),
-        word,
-        np.repeat(["g0", "g1", "g2"], 3),
-        word,
-        values,
-    )
-    return Reasoner(table)
+    return Reasoner(measured_table(extractions[0].features.names, values, labels, [0, 0, 0, 1, 1, 1, 2, 2, 2]))
 
 
 def white(generator: np.random.Generator) -> NDArray[np.floating]:

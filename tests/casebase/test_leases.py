@@ -1,6 +1,5 @@
 """Leases: who fell silent loses what it had in hand, whatever its clock says, and writes nothing of it."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,13 +11,6 @@ from casebase.errors import LeaseLostError
 from casebase.leases import BEATS, Silence
 from casebase.library import CaseLibrary
 from casebase.models import AxisRevision, WorkerLease
-
-
-@pytest.fixture
-def library(database_url: str, tmp_path: Path) -> Iterator[CaseLibrary]:
-    opened = CaseLibrary.open(tmp_path, database_url)
-    yield opened
-    opened.close()
 
 
 def axis(library: CaseLibrary) -> AxisRevision | None:

@@ -2,14 +2,13 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from casebase.diagnosis import OF_ONE_AXIS, Reasoner
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import Extraction, FeatureVector, extract
 from casebase.signals.recording import Recording
-from tests.casebase.made import measured_table
+from tests.casebase.made import heard_table
 from tests.casebase.signals.synthetic import RATE_HZ, Joint, sound
 
 AXIS = OperatingCondition(speed_rad_s=2.5, shaft_orders=(100.0, 12.5, 1.0), mesh_orders=(1200.0, 150.0))
@@ -22,12 +21,7 @@ def heard(label: str, seed: int) -> Extraction:
 @pytest.fixture(scope="module")
 def reasoner() -> Reasoner:
     """A library of four gearboxes of one axis whose meshes are known."""
-    made = [(box, label, 10 * box + i) for box in range(4) for label in ("normal", "notch", "play") for i in range(2)]
-    vectors = [heard(label, seed).features for _, label, seed in made]
-    boxes, labels = [box for box, _, _ in made], [label for _, label, _ in made]
-    values = np.array([each.values for each in vectors])
-    cases = measured_table(vectors[0].names, values, labels, boxes, "here")
-    return Reasoner(cases)
+    return Reasoner(heard_table(heard, 4, "here"))
 
 
 @pytest.mark.parametrize("label", ["normal", "notch", "play"])

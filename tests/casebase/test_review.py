@@ -10,7 +10,7 @@ from app.cli import run
 from casebase.description import Labelling, RecordingDescription
 from casebase.errors import InvalidRequestError, NotFoundError
 from casebase.library import CaseLibrary
-from casebase.review import Nearby, _asked, apply, competence, quarantine_far, review, undo
+from casebase.review import Nearby, apply, competence, quarantine_far, review, undo
 from casebase.severity import _left_out, estimate
 from casebase.signals.condition import UNKNOWN, OperatingCondition
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector, catalogue
@@ -160,11 +160,3 @@ def test_footprint_of_a_chain_solves_what_the_chain_solves() -> None:
     labels = np.array([0, 0, 0, 1, 1], np.int16)
     found = competence(labels, nearby([[1, 2, 3], [0, 2, 3], [1, 3, 0], [2, 1, 0], []], 5))
     assert (found.solved, found.of, found.footprint) == (3, 5, 3)
-
-
-def test_all_cases_are_looked_at_and_of_very_many_the_newest_and_some_of_all() -> None:
-    assert _asked(10_000, 10_000).tolist() == _asked(10_000, None).tolist() == list(range(10_000))
-    rows = _asked(50_000, 10_000)
-    assert rows.size == np.unique(rows).size == 10_000
-    assert set(range(46_000, 50_000)) <= set(rows.tolist())
-    assert np.diff(rows).max() <= np.ceil(46_000 / 5_999)

@@ -18,7 +18,6 @@ from casebase.trend import (
     Trend,
     change_of,
     changes_of,
-    clipped,
     trend_of,
 )
 from tests.casebase.kept import keep
@@ -87,10 +86,6 @@ def test_gain_offset_and_units_of_the_state_of_operation_do_not_matter() -> None
 def test_what_cannot_tell_anything_tells_nothing(values: list[float]) -> None:
     given = np.array(values)
     assert change_of(given, np.empty((len(values), 0))).evidence == len(values)
-
-
-def test_clipping_leaves_what_is_near() -> None:
-    assert clipped(np.array([1.0, 2.0, 3.0, 4.0, 1e9]))[:4].tolist() == [1.0, 2.0, 3.0, 4.0]
 
 
 @pytest.fixture(scope="module")
