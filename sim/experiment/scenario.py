@@ -17,7 +17,6 @@ from sim.experiment.specimen import Specimen
 from sim.experiment.virtual_measurement import heard_forces
 from sim.mechanisms.catalogue import distort_sound
 from sim.rotational.trajectory import Trajectory
-from sim.solver import simulate
 
 MODEL_VERSION = "3"  # raise when the same scenario would sound otherwise
 SPEED_BANDWIDTH_RAD_S = 80.0
@@ -71,6 +70,8 @@ class Scenario:
 
     def simulate(self) -> Trajectory:
         """The run behind the sound; it begins `SETTLING_S` earlier. Raises what the parts raise."""
+        from sim.solver import simulate  # engines are slow to import
+
         built = self.specimen.built(self.axis, self.payload_kg_m2)
         servo = replace(
             built.servo,

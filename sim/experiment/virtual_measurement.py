@@ -17,7 +17,6 @@ from sim.mechanisms.catalogue import distort_sound, distort_telemetry
 from sim.mechanisms.places import with_error
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import Trajectory
-from sim.solver import simulate
 
 TELEMETRY_RATE_HZ = 2000.0
 LEVEL_OF_16_BIT = 2.0**-15
@@ -68,6 +67,8 @@ def measure(
 
 def moved(axis: Axis, duration_s: float, watch: Array | None = None) -> Trajectory:
     """The motion of an axis along its `motion`, at 8 kHz; raises as `measure` does."""
+    from sim.solver import simulate  # engines are slow to import
+
     return simulate(built(axis), duration_s, SAMPLE_RATE_HZ, watch=watch)
 
 
