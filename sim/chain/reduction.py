@@ -237,8 +237,12 @@ def _drive(train: DriveTrain, first: Section, samples: int, rate: float) -> tupl
 def _servo(drive: ServoDrive, samples: int, rate: float) -> tuple[Servo, Array]:
     if rate < MIN_RATE_OF_SERVO_HZ:
         raise RunError(f"sample_rate_hz: a servo needs at least {MIN_RATE_OF_SERVO_HZ:g} Hz, got {rate:g}")
-    time = drive.begin + np.arange(samples) / rate
+    period = round(drive.period * rate)
+    whole = math.isclose(period, drive.period * rate, rel_tol=1e-12)  # then the samples of each period are the same
+    time = drive.begin + np.arange(min(samples, period) if whole else samples) / rate
     reference = back_and_forth(time, drive.period, drive.top_speed, drive.ramp, drive.dwell)
+    if len(time) < samples:
+        reference = np.tile(reference, -(-samples // period))[:, :samples]
     reference[0] += drive.offset
     angle = reference[0].copy()
     reference[2] *= drive.feed_forward_inertia

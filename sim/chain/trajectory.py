@@ -84,11 +84,13 @@ def _events(sections: list[Section], result: ChainResult) -> list[Event]:
     """Contact and sliding as Modelica numbers them; what a component passes through in no time is left out."""
     meshes = [section.mesh or "" for section in sections]
     sliding = [section.friction or section.gear or section.inertias[0] for section in sections]
+    log = result.log[result.log[:, 1] <= STICK]
+    contact = log[:, 1] == CONTACT
+    modes = np.where(contact[:, None], -np.sign(log[:, 3:]), log[:, 3:]).astype(np.int64)  # pieces of a contact are one
+    wanted = modes[:, 0] != modes[:, 1]
     kept: dict[str, list[Event]] = {}
-    for time, kind, index, *modes in result.log[result.log[:, 1] <= STICK].tolist():
-        slides = kind == STICK
-        component, names = (sliding, SLIDING_NAMES) if slides else (meshes, CONTACT_NAMES)
-        before, after = (int(mode) if slides else -int(np.sign(mode)) for mode in modes)  # pieces of a contact are one
+    for (time, kind, index), (before, after) in zip(log[wanted, :3].tolist(), modes[wanted].tolist(), strict=True):
+        component, names = (sliding, SLIDING_NAMES) if kind == STICK else (meshes, CONTACT_NAMES)
         events = kept.setdefault(component[int(index)], [])
         if events and events[-1].time_s == time:
             before = events.pop().from_mode
