@@ -169,7 +169,7 @@ def main() -> None:
             killed = run(Settings(data_dir=Path(folder)), wanted, 2, kill=True)
         print(f"two workers, one killed: {killed.words(chosen.cases)}, none twice", flush=True)
     if "postgres" in parts:
-        from tests import postgres
+        from benchmarks.harness import postgres
 
         with postgres.running_server() as url, tempfile.TemporaryDirectory() as folder:
             database = postgres.create_database(url, "gearcase_generation")

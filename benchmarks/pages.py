@@ -11,10 +11,10 @@ from pathlib import Path
 from playwright.sync_api import sync_playwright
 
 from benchmarks import Row, table
+from benchmarks.harness.inside import inside
+from benchmarks.harness.live import LiveServer, started
 from benchmarks.large.library import Size
 from benchmarks.large.pages import Cost, built, cost_of
-from tests.app.inside import inside
-from tests.live import LiveServer, started
 
 WARM = 3
 

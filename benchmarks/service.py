@@ -9,12 +9,12 @@ import httpx
 import numpy as np
 
 from benchmarks import Row
+from benchmarks.harness.live import started
+from benchmarks.harness.sounds import hum, wav
 from casebase.library import CaseLibrary
 from casebase.signals.decode import read_recording, warm_up
 from casebase.signals.features import extract
 from casebase.signals.fingerprint import fingerprints
-from tests.app.sounds import hum, wav
-from tests.live import started
 
 SECONDS, CASES, ROUNDS, WARM, SETTLE = 30, 20, 23, 3, 60
 

@@ -14,8 +14,8 @@ from playwright.sync_api import sync_playwright
 
 from app.web.simulator import sliders
 from benchmarks import Row
+from benchmarks.harness.live import LiveServer, started
 from sim.experiment.paper_axis import PAPER_AXIS
-from tests.live import LiveServer, started
 
 MOVES, SOUND_S, TARGET = 20, 8.0, "target < 500 ms"
 PAGE = "/simulate"

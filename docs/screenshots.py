@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
 
-from tests.sim.discrepancy.telemetry_of import one_body, swing
+from benchmarks.harness.telemetry_of import one_body, swing
 
 IMAGES = Path(__file__).parent / "images"
 WIDTH, HEIGHT = 1280, 860

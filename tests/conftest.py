@@ -8,11 +8,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from benchmarks.harness import postgres
+from benchmarks.harness.live import LiveServer, started
 from casebase.database import create_engine_for, sqlite_url, upgrade_database
-from tests import postgres
-from tests.live import live_server
-
-__all__ = ["live_server"]
 
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
@@ -34,6 +32,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return min((LONGEST_FIRST.index(part) for part in parts if part in LONGEST_FIRST), default=len(LONGEST_FIRST))
 
     items.sort(key=place)
+
+
+@pytest.fixture(scope="session")
+def live_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
+    """One service for the whole run: leave it as you found it, and make names of your own."""
+    server = started(tmp_path_factory.mktemp("live") / "data")
+    server.until_ready()
+    yield server
+    server.stop()
 
 
 @pytest.fixture(scope="session")

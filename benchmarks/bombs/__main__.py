@@ -12,8 +12,8 @@ from pathlib import Path
 
 from benchmarks.bombs.campaign import Campaign
 from benchmarks.bombs.inputs import Inputs
-from tests.app.wire import memory_bytes, settled
-from tests.live import started
+from benchmarks.harness.live import started
+from benchmarks.harness.wire import memory_bytes, settled
 
 MEBIBYTE = 1 << 20
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 import httpx
 
 from app.security import COOKIE, csrf_token
+from benchmarks.bombs.bodies import AXIS
 from benchmarks.bombs.inputs import API, Inputs, Sent
-from tests.app.sounds import sound
-from tests.app.test_ordinary_input import AXIS
-from tests.app.wire import connected, forget_peak, head, memory_bytes, peak_bytes
-from tests.live import LiveServer
+from benchmarks.harness.live import LiveServer
+from benchmarks.harness.sounds import sound
+from benchmarks.harness.wire import connected, forget_peak, head, memory_bytes, peak_bytes
 
 REFUSED_AND_SAID = re.compile(r'"detail"|<h1')
 

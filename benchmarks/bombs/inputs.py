@@ -12,9 +12,9 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
+from benchmarks.bombs.bodies import AXIS, BODIES, METADATA, ODD, places, table, with_value
 from benchmarks.fuzz_decode import spoilt
-from tests.app.sounds import sound
-from tests.app.test_ordinary_input import AXIS, BODIES, METADATA, ODD, places, table, with_value
+from benchmarks.harness.sounds import sound
 
 API = "/api/v1"
 NOBODY = "0" * 32

@@ -39,7 +39,7 @@ def crash_points(chosen: argparse.Namespace) -> list[str]:
 
 def kills(chosen: argparse.Namespace) -> list[str]:
     from benchmarks.chaos.kills import run
-    from tests import postgres
+    from benchmarks.harness import postgres
 
     wrong: list[str] = []
     for database in chosen.database:

@@ -14,11 +14,11 @@ from typing import Any
 from sqlalchemy import select
 
 from benchmarks.chaos.kills import Load
+from benchmarks.harness import postgres
+from benchmarks.harness.live import started
+from benchmarks.harness.sounds import sound
 from casebase.database import create_engine_for, sqlite_url
 from casebase.models import Case, StoredDiagnosis
-from tests import postgres
-from tests.app.sounds import sound
-from tests.live import started
 
 RECORDINGS = 10
 KNOWN_CASES = 12

@@ -35,7 +35,7 @@ from app.service import Service
 from app.settings import Settings
 from benchmarks.chaos.orders import AXIS, ORDERS, PAGES, Known, Options, counts, fill, ghosts
 from benchmarks.chaos.points import CrashPoint
-from tests import postgres
+from benchmarks.harness import postgres
 
 MOST_POINTS = 400
 APP = create_app(Settings())

@@ -22,8 +22,8 @@ from app.metrics import Metrics
 from app.service import Service
 from app.settings import Settings
 from benchmarks.chaos.orders import API, Options, ghosts, investigation, simulation, upload
+from benchmarks.harness.live import LiveServer, started
 from casebase.models import Case, StoredDiagnosis, StoredInvestigation, StoredJob
-from tests.live import LiveServer, started
 
 CLIENTS = 3
 CASES_OF_A_SIMULATION = 2

@@ -20,11 +20,11 @@ from app.generation import KIND, Campaign
 from app.jobs.jobs import OVER, Jobs
 from app.jobs.kinds import jobs_in
 from benchmarks.chaos.orders import AXIS
+from benchmarks.harness import postgres
 from casebase import leases
 from casebase.library import CaseLibrary
 from casebase.models import Case
 from sim.description.axis_document import read_axis
-from tests import postgres
 
 ADDRESSES = {"a": "10.213.77.1", "b": "10.213.77.2"}
 SHORT_S, AWAY_S = 6.0, 10.0

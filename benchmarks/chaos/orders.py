@@ -16,6 +16,7 @@ from app.intake import take_in
 from app.keys import Role, create_key
 from app.metadata import RecordingMetadata
 from app.service import Service
+from benchmarks.harness.sounds import sound
 from casebase.alarms import outbox
 from casebase.diagnoses import revise_diagnosis
 from casebase.models import (
@@ -35,7 +36,6 @@ from casebase.models import (
     new_id,
 )
 from casebase.steps import standing
-from tests.app.sounds import sound
 
 AXIS: dict[str, Any] = {
     "name": "chaos",

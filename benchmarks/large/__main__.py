@@ -12,10 +12,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from benchmarks.harness import postgres
+from benchmarks.harness.inside import Inside, inside
 from benchmarks.large.library import Size
 from benchmarks.large.pages import Cost, built, cost_of
-from tests import postgres
-from tests.app.inside import Inside, inside
 
 
 @contextmanager

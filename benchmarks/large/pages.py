@@ -13,12 +13,11 @@ from fastapi.routing import APIRoute
 from sqlalchemy import event
 
 from app.web.pages import PAGES as ROUTERS
+from benchmarks.harness.inside import Inside
+from benchmarks.harness.site import AXIS, EVERY_PAGE, KNOWN, investigated
+from benchmarks.harness.sounds import sound
+from benchmarks.harness.worked_out import WORKING
 from benchmarks.large.library import LONG, Size, fill
-from tests.app.inside import Inside
-from tests.app.sounds import sound
-from tests.web.conftest import AXIS, KNOWN, investigated
-from tests.web.test_pages import EVERY_PAGE
-from tests.worked_out import WORKING
 
 SHARE, OVERHEAD_S = 1.5, 0.050
 """A page of a library of 10,000 cases takes at most this share of its SQL, and so much more [s]."""
@@ -53,7 +52,6 @@ OF_LARGE = (
 NO_PAGES = {
     "/audit.csv": "all of the log, as a file",
     "/library/export.zip": "all cases, as a file",
-    "/diagnoses/{diagnosis_id}/report.pdf": "paper",
     "/investigations/{investigation_id}/report.pdf": "paper",
     "/investigations/{investigation_id}/panels/{part}/{number}": "numbers of one investigation",
     "/recordings/{recording_id}/sound": "a file",

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import httpx
 import pytest
 
-from tests.live import LiveServer
+from benchmarks.harness.live import LiveServer
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import json
 
 import httpx
 
-from tests.app.sounds import sound
+from benchmarks.harness.sounds import sound
 
 AXES = "/api/v1/axes"
 AXIS = {"motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 40.0}}

@@ -10,10 +10,10 @@ import pytest
 from app.axis_templates import TEMPLATES
 from app.axis_units import UNITS, in_si
 from app.web.axis_form import described, filled
+from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.live import gearcase
 from sim.description.axis_document import read_axis
 from sim.errors import ParameterError
-from tests.app.inside import Inside, inside
-from tests.live import gearcase
 
 
 @pytest.fixture(scope="module")

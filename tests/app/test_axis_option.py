@@ -8,8 +8,8 @@ import pytest
 
 from app.commands import record
 from app.commands.axis import axis_name
-from tests.app.sounds import sound
-from tests.live import gearcase
+from benchmarks.harness.live import gearcase
+from benchmarks.harness.sounds import sound
 
 TOML = "[motor]\ninertia_kg_m2 = 0.3\n[load]\ninertia_kg_m2 = 0.0\n[motion]\nperiod_s = 2.0\n"
 

@@ -12,13 +12,13 @@ import pytest
 
 from app import fleet
 from app.beside import Asked, Begun
+from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.sounds import sound
+from benchmarks.harness.worked_out import worked_out
 from casebase.errors import NotFoundError
 from casebase.evaluation import Evaluation, evaluate
 from casebase.models import now
-from tests.app.inside import Inside, inside
-from tests.app.sounds import sound
 from tests.casebase.kept import keep
-from tests.worked_out import worked_out
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ import httpx
 import pytest
 import soundfile
 
-from tests.app.sounds import RATE_HZ, hum, sound, wav
-from tests.live import LiveServer
+from benchmarks.harness.live import LiveServer
+from benchmarks.harness.sounds import RATE_HZ, hum, sound, wav
 
 CASES = "/api/v1/cases"
 

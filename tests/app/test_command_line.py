@@ -13,9 +13,9 @@ import pytest
 
 from app.cli import run
 from app.commands.serve import RULE
-from tests.app.sounds import sound
-from tests.live import gearcase
-from tests.sim.discrepancy.telemetry_of import one_body
+from benchmarks.harness.live import gearcase
+from benchmarks.harness.sounds import sound
+from benchmarks.harness.telemetry_of import one_body
 
 
 @pytest.fixture(scope="module")

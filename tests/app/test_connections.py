@@ -10,9 +10,9 @@ from contextlib import ExitStack, contextmanager
 import httpx
 import pytest
 
-from tests.app.sounds import sound
-from tests.app.wire import connected, descriptors, head, process_folder, received, settled, status
-from tests.live import LiveServer, started
+from benchmarks.harness.live import LiveServer, started
+from benchmarks.harness.sounds import sound
+from benchmarks.harness.wire import connected, descriptors, head, process_folder, received, settled, status
 
 MOST = 16
 CROWD = 60

@@ -11,13 +11,13 @@ import pytest
 from sqlalchemy import text
 
 from app.commands.exit_codes import FAILURE
+from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.live import gearcase
+from benchmarks.harness.sounds import sound
 from casebase.abandoned import hold
 from casebase.database import LARGEST_LOG, create_engine_for, sqlite_url
 from casebase.library import CaseLibrary
 from casebase.soundness import cut_logs, faults_of
-from tests.app.inside import Inside, inside
-from tests.app.sounds import sound
-from tests.live import gearcase
 
 API = "/api/v1"
 PAGE = 4096

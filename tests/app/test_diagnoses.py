@@ -11,8 +11,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.app.sounds import sound
-from tests.live import LiveServer, started
+from benchmarks.harness.live import LiveServer, started
+from benchmarks.harness.sounds import sound
 
 DIAGNOSES = "/api/v1/diagnoses"
 

@@ -11,7 +11,8 @@ from fastapi.routing import RouteContext, iter_route_contexts
 from app.door import terms_of
 from app.main import create_app
 from app.settings import Settings
-from tests.app.wire import (
+from benchmarks.harness.live import LiveServer, sign_in, started
+from benchmarks.harness.wire import (
     chunked,
     connected,
     descriptors,
@@ -24,7 +25,6 @@ from tests.app.wire import (
     settled,
     status,
 )
-from tests.live import LiveServer, sign_in, started
 
 MEBIBYTE = 1024 * 1024
 WHOLE = 200 * MEBIBYTE

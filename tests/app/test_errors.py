@@ -6,8 +6,8 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.app.sounds import lying_wav, sound, wav
-from tests.live import LiveServer
+from benchmarks.harness.live import LiveServer
+from benchmarks.harness.sounds import lying_wav, sound, wav
 
 CASES = "/api/v1/cases"
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from app import fleet
+from benchmarks.harness.inside import Inside, inside
 from casebase.models import now
 from casebase.trend import COLOUR, DECIDING
 from sim.mechanisms.mechanism import SECURED
-from tests.app.inside import Inside, inside
 from tests.casebase.kept import keep
 
 API = "/api/v1"

@@ -18,7 +18,7 @@ from app.main import create_app
 from app.metrics import Metrics
 from app.service import Service
 from app.settings import settings_of
-from tests.app.sounds import sound
+from benchmarks.harness.sounds import sound
 
 CASES = "/api/v1/cases"
 LARGEST_FILE = 5_000_000

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from app.investigations import accept, get_investigation, names_of, perform
+from benchmarks.harness.live import LiveServer
+from benchmarks.harness.sounds import sound
+from benchmarks.harness.telemetry_of import one_body
 from casebase.axes import get_axis
 from casebase.errors import ConflictError
 from casebase.library import CaseLibrary
 from casebase.models import StoredInvestigation, now
-from tests.app.sounds import sound
-from tests.live import LiveServer
-from tests.sim.discrepancy.telemetry_of import one_body
 
 URL = "/api/v1/investigations"
 AXIS = '{"name": "asked", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 1.0}}'

@@ -17,10 +17,10 @@ from app.main import create_app
 from app.metrics import Metrics
 from app.service import Service
 from app.settings import settings_of
+from benchmarks.harness.live import LiveServer
 from casebase.audit import entries
 from casebase.library import CaseLibrary
 from tests.app.test_full_disk import pragma
-from tests.live import LiveServer
 
 KEYS = "/api/v1/keys"
 WRONG = {"Authorization": "Bearer gearcase_" + "x" * 43}

@@ -4,7 +4,7 @@ import sqlite3
 
 import httpx
 
-from tests.live import LiveServer
+from benchmarks.harness.live import LiveServer
 
 KEYS = "/api/v1/keys"
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import httpx
 import pytest
 
-from tests.app.sounds import sound
-from tests.live import LiveServer, gearcase, started
+from benchmarks.harness.live import LiveServer, gearcase, started
+from benchmarks.harness.sounds import sound
 
 EVALUATION = "/api/v1/library/evaluation"
 

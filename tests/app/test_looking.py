@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from app import views
+from benchmarks.bombs.bodies import AXIS
+from benchmarks.harness.live import LiveServer
+from benchmarks.harness.sounds import sound
+from benchmarks.harness.wire import connected, head, process_folder
 from casebase.signals.recording import Recording
-from tests.app.sounds import sound
-from tests.app.test_ordinary_input import AXIS
-from tests.app.wire import connected, head, process_folder
-from tests.live import LiveServer
 
 API = "/api/v1"
 LISTENERS = 120

@@ -11,11 +11,11 @@ import pytest
 
 from app.alarms.watch import tell_states
 from app.fleet import Fleet
+from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.sounds import RATE_HZ, hum, wav
 from casebase.alarms.rules import standing
 from casebase.errors import StaleVersionError
 from casebase.models import now
-from tests.app.inside import Inside, inside
-from tests.app.sounds import RATE_HZ, hum, wav
 from tests.casebase.kept import keep
 
 API = "/api/v1"

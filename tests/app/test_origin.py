@@ -11,12 +11,12 @@ import soundfile
 
 from app.intake import take_in
 from app.metadata import RecordingMetadata
+from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.live import gearcase
+from benchmarks.harness.sounds import sound, wav
 from casebase.artifacts import add_artifact
 from casebase.description import Labelling
 from casebase.origins import DEMO, simulated
-from tests.app.inside import Inside, inside
-from tests.app.sounds import sound, wav
-from tests.live import gearcase
 
 API = "/api/v1"
 AXIS = {

@@ -11,8 +11,8 @@ from app.jobs.job import Job, JobState, Json, Progress
 from app.jobs.kinds import KINDS
 from app.web.pages import PAGES
 from app.web.session import visitor
+from benchmarks.harness.inside import Inside, ListedJobs, inside
 from casebase.models import new_id, now
-from tests.app.inside import Inside, ListedJobs, inside
 from tests.web.reading import Markup
 
 ROUTES = sorted(

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.app.inside import Inside, inside
-from tests.app.sounds import sound
+from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.sounds import sound
 
 API = "/api/v1"
 AXIS = {"name": "bench", "motor": {"inertia_kg_m2": 0.006}, "stages": [{"name": "output", "ratio": 50.0}]}

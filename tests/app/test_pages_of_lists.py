@@ -3,7 +3,7 @@
 import httpx
 import pytest
 
-from tests.live import LiveServer
+from benchmarks.harness.live import LiveServer
 
 AXIS = {"name": "paged-0", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 1.0}}
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.app.sounds import sound
-from tests.live import LiveServer, started
+from benchmarks.harness.live import LiveServer, started
+from benchmarks.harness.sounds import sound
 
 pytestmark = pytest.mark.postgres
 CASES, DIAGNOSES = "/api/v1/cases", "/api/v1/diagnoses"

@@ -7,9 +7,9 @@ from functools import partial
 
 import pytest
 
-from tests.app.inside import Inside, inside
-from tests.app.sounds import sound
-from tests.worked_out import worked_out
+from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.sounds import sound
+from benchmarks.harness.worked_out import worked_out
 
 API = "/api/v1"
 

@@ -12,8 +12,8 @@ import soundfile
 from numpy.typing import NDArray
 
 from app.microphone import QUIET_DBFS, Level, record
-from tests.app.sounds import hum
-from tests.live import Done, LiveServer, gearcase
+from benchmarks.harness.live import Done, LiveServer, gearcase
+from benchmarks.harness.sounds import hum
 
 RATE_HZ = 8000
 ALSA = Path("/usr/share/alsa/alsa.conf")

@@ -9,8 +9,8 @@ import pytest
 import soundfile
 from PIL import Image
 
+from benchmarks.harness.sounds import RATE_HZ, wav
 from casebase.signals.crest import crest_trace
-from tests.app.sounds import RATE_HZ, wav
 
 SECONDS, AMPLITUDE, FREQUENCY_HZ = 4.0, 0.5, 125.0
 

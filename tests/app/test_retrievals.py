@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from sqlalchemy import inspect, text
 
 from app.main import create_app
+from benchmarks.harness.live import LiveServer, gearcase, started
+from benchmarks.harness.sounds import hum, sound, wav
 from casebase.case_table import CaseTable
 from casebase.database import create_engine_for, sqlite_url
 from casebase.library import CaseLibrary
 from casebase.priors import prior_of
 from casebase.representation import weights_of
 from casebase.similarity import LIMIT, pooled_scales
-from tests.app.sounds import hum, sound, wav
-from tests.live import LiveServer, gearcase, started
 
 RETRIEVALS = "/api/v1/retrievals"
 CREST = ("crest_factor_low_pass_200_hz_whole_record", "crest_factor_low_pass_200_hz_mean_of_1_s_windows")

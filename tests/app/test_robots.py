@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from app.investigations import get_investigation, names_of, perform
+from benchmarks.harness.live import LiveServer
 from casebase.library import CaseLibrary
 from sim.robot.urdf import read_urdf
-from tests.live import LiveServer
 
 URL, ROBOTS = "/api/v1/investigations", "/api/v1/robots"
 URDF = """<robot name="arm"><link name="base"/>{links}

@@ -6,7 +6,7 @@ import httpx
 import pytest
 
 from app.reference import role_of
-from tests.live import ROLES, LiveServer
+from benchmarks.harness.live import ROLES, LiveServer
 
 OPEN = {"/livez", "/readyz"}
 METHODS = ("get", "post", "put", "patch", "delete")

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 
 from app.main import create_app
-from tests.live import LiveServer, started
+from benchmarks.harness.live import LiveServer, started
 
 
 def _wav(seed: int) -> bytes:

@@ -12,14 +12,14 @@ from pydantic import ValidationError
 from app.documents import CaseChange
 from app.intake import take_in
 from app.metadata import CaseMetadata
+from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.live import gearcase
+from benchmarks.harness.sounds import hum, sound, wav
 from casebase.bundle_entry import BundledCase
 from casebase.severity import FEWEST
 from casebase.signals.decode import read_recording
 from casebase.signals.features import extract
 from sim.description.axis_document import read_axis, write_axis
-from tests.app.inside import Inside, inside
-from tests.app.sounds import hum, sound, wav
-from tests.live import gearcase
 
 OWN, OTHER = "own axis", "another"
 

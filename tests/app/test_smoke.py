@@ -7,8 +7,8 @@ import httpx
 import pytest
 
 from app.commands import smoke
+from benchmarks.harness.live import LiveServer, gearcase
 from tests.app.alarms.receivers import free_port
-from tests.live import LiveServer, gearcase
 
 STEPS = ["/livez", "/readyz", "key", "axis", "case", "diagnosis", "list of cases"]
 CLEARED = ["diagnosis rejected", "diagnosis' audio erased", "case retired", "case's audio erased", "axis removed"]

@@ -13,9 +13,9 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
+from benchmarks.harness.live import LiveServer, started
+from benchmarks.harness.sounds import sound
 from sim.experiment.paper_axis import PAPER_AXIS
-from tests.app.sounds import sound
-from tests.live import LiveServer, started
 
 CASES = "/api/v1/cases"
 BOUNDARY = "between"

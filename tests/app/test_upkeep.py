@@ -6,8 +6,8 @@ from pathlib import Path
 
 import httpx
 
-from tests.app.sounds import sound
-from tests.live import started
+from benchmarks.harness.live import started
+from benchmarks.harness.sounds import sound
 
 PROGRAM = """
 import sys

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from app.watch_folder import MEMORY, Memory, Sent, WatchFolder
+from benchmarks.harness.live import LiveServer, gearcase
+from benchmarks.harness.sounds import sound
 from tests.app.alarms.receivers import free_port, wait_for
-from tests.app.sounds import sound
-from tests.live import LiveServer, gearcase
 
 
 @pytest.fixture

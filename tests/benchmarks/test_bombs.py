@@ -4,7 +4,7 @@ from pathlib import Path
 
 from benchmarks.bombs.campaign import Campaign
 from benchmarks.bombs.inputs import AXIS_BOMBS, Inputs
-from tests.live import started
+from benchmarks.harness.live import started
 
 OPENED = 20_000_000 * 2 * 8
 """Bytes to which the Parquet file opens that is sent."""

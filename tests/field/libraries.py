@@ -10,11 +10,11 @@ from typing import Any
 
 from app.commands.starter import PER_LABEL
 from app.generation import Campaign, generate
+from benchmarks.harness.live import gearcase
 from casebase.axes import add_axis
 from casebase.library import CaseLibrary
 from sim.experiment.design_of_experiments import LABELS
 from sim.experiment.paper_axis import PAPER_AXIS
-from tests.live import gearcase
 from tests.shared_data import shared
 
 HELD_OUT = "g04"

@@ -9,12 +9,12 @@ import pytest
 from app.web.charts import waveform
 from app.web.diagnosis_view import analysed
 from app.web.disturbed import marked, stretches
+from benchmarks.harness.live import LiveServer, started
+from benchmarks.harness.sounds import wav
 from casebase.signals.condition import UNKNOWN
 from casebase.signals.disturbances import Survey, survey
 from casebase.signals.quality import DISTURBANCES
-from tests.app.sounds import wav
 from tests.casebase.signals.synthetic import KNOCK_S, SILENT_S, Joint, disturbed, sound
-from tests.live import LiveServer, started
 from tests.web.reading import Markup
 
 

@@ -14,9 +14,9 @@ from fastapi.routing import APIRoute
 from app.api import health
 from app.main import ROUTERS
 from app.web.pages import PAGES
+from benchmarks.harness.live import LiveServer
+from benchmarks.harness.sounds import sound
 from sim.experiment.paper_axis import PAPER_AXIS
-from tests.app.sounds import sound
-from tests.live import LiveServer
 
 DIAGNOSES = "/api/v1/diagnoses"
 MARK = "\ufeff".encode()

@@ -8,6 +8,8 @@ from dataclasses import replace
 import pytest
 from sqlalchemy import select
 
+from benchmarks.harness.live import LiveServer, gearcase
+from benchmarks.harness.sounds import sound
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
 from casebase.models import Case, StoredRecording
@@ -16,11 +18,9 @@ from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import EXTRACTOR_VERSION
 from casebase.signals.motion import Motion
 from casebase.signals.quality import Severity
-from tests.app.sounds import sound
 from tests.casebase.conftest import library
 from tests.casebase.made import extraction, recording
 from tests.field.libraries import Library
-from tests.live import LiveServer, gearcase
 from tests.shared_data import shared
 
 __all__ = ["library"]

@@ -1,15 +1,10 @@
 """A real browser against a real service whose library holds sounds that say by themselves what they are."""
 
-import json
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from functools import lru_cache
-from pathlib import Path
 
-import httpx
-import numpy as np
 import pytest
 from playwright.sync_api import (
     Browser,
@@ -21,52 +16,14 @@ from playwright.sync_api import (
     expect,
     sync_playwright,
 )
-from sqlalchemy.orm import Session
 
-from app.intake import DEMO
-from casebase.artifacts import add_artifact
-from casebase.description import Labelling
-from casebase.library import CaseLibrary
-from casebase.models import StoredInvestigation, new_id, now
-from sim.description.axis import Axis
-from sim.description.axis_document import read_axis
-from sim.discrepancy.investigation import investigate
-from sim.discrepancy.report.html import html_report
-from sim.discrepancy.report.summary import story
-from sim.discrepancy.results import Investigation
-from tests.app.sounds import sound
-from tests.live import ROLES, LiveServer, started
-from tests.sim.discrepancy.telemetry_of import one_body, swing
+from benchmarks.harness.live import ROLES, started
+from benchmarks.harness.site import COOKIE, Site, fill
+from benchmarks.harness.sounds import sound
 
-COOKIE = "gearcase_key"
 expect.set_options(timeout=20_000)  # a busy machine is slow, not wrong
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 ARGUMENTS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update")
-KNOWN = ((1, "normal"), (2, "normal"), (3, "normal"), (4, "notch"))
-"""Seed and label of measured cases."""
-AXIS = """schema = "gearcase-axis/1"
-name = "bench"
-[motor]
-inertia_kg_m2 = 0.006
-coulomb_friction_n_m = 0.4
-viscous_friction_n_m_s_per_rad = 0.0022
-[[stages]]
-name = "transfer"
-driver_teeth = 12
-driven_teeth = 96
-inertia_kg_m2 = 0.02
-stiffness_n_m_per_rad = 1920
-damping_n_m_s_per_rad = 0.15
-[[stages]]
-name = "output"
-driver_teeth = 12
-driven_teeth = 150
-stiffness_n_m_per_rad = 150000
-damping_n_m_s_per_rad = 60
-transmission_error_rad = 1.5e-6
-[load]
-inertia_kg_m2 = 40
-"""
 
 
 @pytest.fixture(scope="session")
@@ -81,31 +38,6 @@ def browser() -> Iterator[Browser]:
         running.close()
 
 
-@dataclass
-class Site:
-    """A running service with a demonstration, a described axis, measured and simulated cases, and an investigation."""
-
-    server: LiveServer
-    recording: Path
-    diagnosis: str = ""
-    case: str = ""
-    recorded: str = ""
-    investigation: str = ""
-
-    @property
-    def url(self) -> str:
-        return self.server.url
-
-    def library(self) -> CaseLibrary:
-        """The library behind the service; close it after use."""
-        return CaseLibrary.open(self.server.data_dir)
-
-
-def parts(name: str, content: bytes, metadata: bytes) -> dict[str, tuple[str | None, bytes]]:
-    """The parts of a multipart request: a file and what is known of it."""
-    return {"file": (name, content), "metadata": (None, metadata)}
-
-
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     folder = tmp_path_factory.mktemp("site")
@@ -115,74 +47,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     fill(found)
     yield found
     found.server.stop()
-
-
-def fill(site: Site, known: Sequence[tuple[int, str]] = KNOWN) -> None:
-    """Put these cases, of two gearboxes, two simulated ones, diagnoses and an investigation into the library."""
-    with site.server.client() as client:
-        client.post("/api/v1/axes", content=AXIS, headers={"Content-Type": "application/toml"}).raise_for_status()
-        for seed, label in known:
-            metadata = {"axis": "bench", "gearbox": f"g{seed % 2}", "speed_rad_s": 2.5, "label": label}
-            files = parts(f"{label}.wav", sound(seed, impacts=label == "notch"), json.dumps(metadata).encode())
-            site.case = client.post("/api/v1/cases", files=files).raise_for_status().json()["id"]
-        team = {"name": "maintenance team", "kind": "email", "address": "maintenance.of.the.plant@example.com"}
-        told = client.post("/api/v1/alarms/receivers", json=team).raise_for_status().json()["id"]
-        rule = {"name": "any fault", "kind": "state", "least_probability": 0.9, "receivers": [told]}
-        client.post("/api/v1/alarms/rules", json=rule).raise_for_status()
-        client.post(f"/api/v1/alarms/receivers/{told}/test").raise_for_status()
-        first = client.post("/api/v1/diagnoses", files=parts("demo.wav", sound(6, impacts=True), b'{"axis": "bench"}'))
-        known_of_it = b'{"axis": "bench", "gearbox": "g1", "speed_rad_s": 2.5}'
-        second = client.post("/api/v1/diagnoses", files=parts("bench.wav", sound(5, impacts=True), known_of_it))
-    demo, diagnosed = first.raise_for_status().json(), second.raise_for_status().json()
-    site.diagnosis, site.recorded = diagnosed["id"], diagnosed["recording"]["id"]
-    library = site.library()
-    with library.transaction("test") as session:
-        add_artifact(session, DEMO, {"diagnosis_id": demo["id"], "recording_id": demo["recording"]["id"]})
-        for recording_id, label in ((demo["recording"]["id"], "notch"), (site.recorded, "normal")):
-            library.retain.case(
-                session, library.retrieve.recording(session, recording_id), Labelling(label, origin="simulated")
-            )
-        site.investigation = investigated(session)
-    library.close()
-
-
-@lru_cache
-def investigation() -> tuple[Axis, Investigation]:
-    """What a real investigation finds: friction that differs by direction, on one body with white noise."""
-    motor = {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02}
-    axis = read_axis({"name": "one body", "motor": motor, "load": {"inertia_kg_m2": 0.0}})
-    _, _, speed, _ = swing()
-    return axis, investigate(axis, one_body(0.3, 1.0, 0.02, 7, extra=0.006 * np.abs(speed)))
-
-
-def investigated(session: Session) -> str:
-    """Keep what the investigation finds."""
-    axis, result = investigation()
-    row = StoredInvestigation(
-        id=new_id(),
-        axis=axis.name,
-        axis_document=axis.to_mapping(),
-        inputs={},
-        state="done",
-        document=json.loads(json.dumps({**result.document(), "story": story(result)})),
-        report=html_report(result),
-        created_by="test",
-        finished_at=now(),
-    )
-    row.job_id = row.id
-    session.add(row)
-    session.flush()
-    return row.id
-
-
-@contextmanager
-def browsing(site: Site, role: str | None) -> Iterator[httpx.Client]:
-    """What a browser sends, without a browser: asks for HTML, has the cookie, follows nothing."""
-    with site.server.client(None, follow_redirects=False) as client:
-        client.headers["Accept"] = "text/html"
-        if role is not None:
-            client.cookies.set(COOKIE, site.server.keys[role])
-        yield client
 
 
 @dataclass

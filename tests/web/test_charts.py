@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from app.web.charts import crest_trace
+from benchmarks.harness.sounds import RATE_HZ, hum
 from casebase.signals import crest
 from casebase.signals.condition import UNKNOWN
 from casebase.signals.disturbances import survey
 from casebase.signals.recording import Recording
-from tests.app.sounds import RATE_HZ, hum
 
 
 def test_mean_largest_and_reversals_stand_beside_the_trace() -> None:

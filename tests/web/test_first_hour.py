@@ -11,12 +11,13 @@ import soxr
 from playwright.sync_api import Browser, Page, expect
 
 from app.web.first_hour import ENOUGH, Hour, obstacles
+from benchmarks.harness.live import started
+from benchmarks.harness.site import Site
+from benchmarks.harness.sounds import RATE_HZ, hum
 from casebase.axis_cases import LabelCases
 from casebase.evaluation import Evaluation, Outcome, Proportion
 from casebase.models import AxisRevision
-from tests.app.sounds import RATE_HZ, hum
-from tests.live import started
-from tests.web.conftest import ARGUMENTS, NAMES, Site, sign_in, watched
+from tests.web.conftest import ARGUMENTS, NAMES, sign_in, watched
 
 CAPTURED_HZ = 48_000
 SECONDS = 8.0

@@ -5,8 +5,9 @@ import json
 import pytest
 from playwright.sync_api import expect
 
-from tests.app.sounds import sound
-from tests.web.conftest import Opened, Site, parts
+from benchmarks.harness.site import Site, parts
+from benchmarks.harness.sounds import sound
+from tests.web.conftest import Opened
 
 pytestmark = pytest.mark.browser
 

@@ -2,9 +2,9 @@
 
 from app.security import csrf_token
 from app.web.labels import damage_of
+from benchmarks.harness.site import AXIS, Site, browsing
 from sim.description.axis_document import parse_axis, read_axis
 from sim.experiment.design_of_experiments import labels, labels_of, plan
-from tests.web.conftest import AXIS, Site, browsing
 from tests.web.reading import Markup
 
 

@@ -7,8 +7,8 @@ from urllib.parse import urljoin, urlsplit
 import httpx
 import pytest
 
-from tests.live import LiveServer, sign_in, started
-from tests.web.conftest import COOKIE, KNOWN, Site, fill
+from benchmarks.harness.live import LiveServer, sign_in, started
+from benchmarks.harness.site import COOKIE, KNOWN, Site, fill
 from tests.web.reading import Markup
 
 PREFIX = "/gearcase"

@@ -10,12 +10,13 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.security import csrf_token
-from tests.app.sounds import sound, wav
+from benchmarks.harness.live import gearcase, sign_in
+from benchmarks.harness.site import ADMIN_PAGES, EVERY_PAGE, OPERATOR_PAGES, Site, browsing, parts
+from benchmarks.harness.sounds import sound, wav
+from benchmarks.harness.worked_out import worked_out
 from tests.casebase.signals.synthetic import disturbed
-from tests.live import gearcase, sign_in
-from tests.web.conftest import Site, Tab, browsing, parts, settle
+from tests.web.conftest import Tab, settle
 from tests.web.reading import Markup
-from tests.worked_out import worked_out
 
 pytestmark = pytest.mark.browser
 
@@ -47,43 +48,6 @@ BROKEN = """() => {
 """Words that stand on two lines without a hyphen or a space between."""
 SIDEWAYS = """() => [...document.querySelectorAll("main, main .table-scroll")]
     .filter((one) => one.scrollWidth > one.clientWidth + 1).map((one) => one.textContent.trim().slice(0, 80))"""
-VIEWER_PAGES = (
-    "/fleet",
-    "/axes/bench/gearboxes/g0",
-    "/axes/bench/gearboxes/g1",
-    "/diagnoses",
-    "/diagnoses/{diagnosis}?queue=1",
-    "/queue",
-    "/diagnoses/{diagnosis}",
-    "/diagnoses/{diagnosis}?axis=orders",
-    "/library",
-    "/library/review",
-    "/library/coverage",
-    "/library/evaluation",
-    "/cases/{case}",
-    "/cases/{case}/taught",
-    "/axes",
-    "/axes/bench",
-    "/simulate?axis=bench&gap_mrad=1&diagnose=true",
-    "/first-hour",
-    "/axes/bench/first-hour",
-    "/investigations",
-    "/investigations/{investigation}",
-    "/investigations/{investigation}/compare?with={investigation}",
-)
-OPERATOR_PAGES = ("/diagnoses/new", "/investigations/new", "/jobs")
-ADMIN_PAGES = (
-    "/describe?template=spur",
-    "/describe?axis=bench",
-    "/describe?copy=bench",
-    "/library/add",
-    "/library/exchange",
-    "/library/simulate",
-    "/alarms",
-    "/keys",
-    "/audit",
-)
-EVERY_PAGE = (*VIEWER_PAGES, *OPERATOR_PAGES, *ADMIN_PAGES)
 
 
 def address(site: Site, path: str) -> str:

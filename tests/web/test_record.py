@@ -11,7 +11,8 @@ import pytest
 import soundfile
 from playwright.sync_api import Browser, Page, expect
 
-from tests.web.conftest import ARGUMENTS, NAMES, Site, sign_in, watched
+from benchmarks.harness.site import Site
+from tests.web.conftest import ARGUMENTS, NAMES, sign_in, watched
 
 pytestmark = pytest.mark.browser
 

@@ -7,10 +7,10 @@ import pytest
 from playwright.sync_api import Browser, Page, Route
 
 from app.web.self_contained import self_contained
+from benchmarks.harness.telemetry_of import one_body, swing
 from sim.description.axis_document import read_axis
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.report.html import html_report
-from tests.sim.discrepancy.telemetry_of import one_body, swing
 
 SMALLEST = """[...document.querySelectorAll("svg text")].map(
     one => parseFloat(getComputedStyle(one).fontSize) * Math.hypot(one.getScreenCTM().a, one.getScreenCTM().b))"""

@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import expect
 
 from app.investigations import get_investigation
+from benchmarks.harness.site import Site
 from casebase.models import now
 from casebase.signals.documents import parse_document
 from sim.robot.foreign import kept_robot
@@ -13,7 +14,7 @@ from sim.robot.investigation import investigate_robot
 from sim.robot.log import read_log
 from sim.robot.report import robot_story
 from tests.app.test_robots import MAP, ROBOT, log, urdf
-from tests.web.conftest import Opened, Site, Tab
+from tests.web.conftest import Opened, Tab
 from tests.web.test_pages import check
 
 

@@ -9,12 +9,13 @@ from playwright.sync_api import expect
 from sqlalchemy import func, select
 
 from app.web.simulator import moved, simulate, sliders
+from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.site import AXIS, Site, browsing
 from casebase.models import Base
 from sim.description.axis import Axis, MechanismEntry
 from sim.description.axis_document import parse_axis, read_axis
 from sim.experiment.paper_axis import PAPER_AXIS
-from tests.app.inside import Inside, inside
-from tests.web.conftest import AXIS, Opened, Site, browsing
+from tests.web.conftest import Opened
 
 PLAIN = read_axis(parse_axis(AXIS))
 WORN = replace(

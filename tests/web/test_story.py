@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import one_body, swing
 from sim.description.axis_document import read_axis
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.report.summary import story
 from sim.discrepancy.results import Investigation
-from tests.sim.discrepancy.telemetry_of import one_body, swing
 
 MOTOR = {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02}
 

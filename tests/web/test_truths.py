@@ -11,10 +11,11 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.web.svg import polar_chart
+from benchmarks.harness.site import Site
 from casebase.models import StoredJob, new_id, now
 from sim.discrepancy.report.panels import AS_DESCRIBED, DESCRIBED, EXTENDED, FLOOR, MEASURED
 from tests.app.test_page_errors import RESULTS
-from tests.web.conftest import Opened, Site, Tab, settle
+from tests.web.conftest import Opened, Tab, settle
 
 pytestmark = pytest.mark.browser
 

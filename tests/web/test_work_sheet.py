@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from app.web.story import Shown
 from app.web.work_sheet import HEIGHT, OUTCOMES, WIDTH, Sheet, drawn, investigation_pdf
+from benchmarks.harness.site import Site, browsing
 from sim.discrepancy.report.box import Entry
-from tests.web.conftest import Site, browsing
 
 
 def sheet(entries: int, words: int = 30) -> Sheet:

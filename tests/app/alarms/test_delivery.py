@@ -14,11 +14,11 @@ import pytest
 from sqlalchemy import select
 
 from app.alarms.webhook import signed
+from benchmarks.harness.live import LiveServer, started
+from benchmarks.harness.sounds import sound
 from casebase.library import CaseLibrary
 from casebase.models import Delivery
 from tests.app.alarms.receivers import Broker, Hook, Mailbox, broker, mail_server, wait_for, webhook
-from tests.app.sounds import sound
-from tests.live import LiveServer, started
 
 ALARMS = "/api/v1/alarms"
 

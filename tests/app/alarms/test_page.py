@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import pytest
 from sqlalchemy import select
 
+from benchmarks.harness.inside import Inside, inside
 from casebase.models import AlarmReceiver, AlarmRule, Delivery
-from tests.app.inside import Inside, inside
 
 HOOK = "https://tickets.example.com/in/secret-path"
 

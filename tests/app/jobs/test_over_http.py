@@ -11,7 +11,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.live import LiveServer
+from benchmarks.harness.live import LiveServer
 
 AXIS = {
     "name": "http-axis",

@@ -6,12 +6,12 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
+from benchmarks.harness.inside import inside
+from benchmarks.harness.site import EVERY_PAGE
 from benchmarks.large.library import Size
 from benchmarks.large.pages import NO_PAGES, Cost, built, cost_of, is_asked, routes
 from casebase.case_table import CaseTable
 from casebase.evaluation import Evaluation, evaluate
-from tests.app.inside import inside
-from tests.web.test_pages import EVERY_PAGE
 
 TIMES, FEW = 2, 6
 SHORT_BYTES, PAGE_ROWS, SLACK_BYTES = 130, 110, 1000

@@ -12,10 +12,10 @@ import soundfile
 import soxr
 from numpy.typing import NDArray
 
+from benchmarks.harness.sounds import hum
 from casebase.signals.decode import read_recording
 from casebase.signals.fingerprint import LARGEST_DIFFERENCE, difference, fingerprints, same_samples
 from casebase.signals.recording import Recording
-from tests.app.sounds import hum
 from tests.shared_data import shared
 
 RATE_HZ = 8000

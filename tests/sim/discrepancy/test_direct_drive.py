@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import RATE_HZ, swing
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis_document import read_axis
 from sim.discrepancy.investigation import investigate
-from tests.sim.discrepancy.telemetry_of import RATE_HZ, swing
 
 MOTOR, LOAD, STIFFNESS, DAMPING = 0.35, 0.34, 5000.0, 2.0
 AXIS = read_axis(

@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import one_body, swing
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.results import Investigation
-from tests.sim.discrepancy.telemetry_of import one_body, swing
 
 
 def axis(coulomb: float = 1.0, viscous: float = 0.02, inertia: float = 0.3) -> Axis:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.harness.telemetry_of import swing
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
@@ -13,7 +14,6 @@ from sim.discrepancy.data.validation import examine
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.investigation import investigate
-from tests.sim.discrepancy.telemetry_of import swing
 
 INERTIA, LOAD, RATIO, STIFFNESS, GAP = 0.01, 0.7, 9.0, 7e3, 1.2e-5
 NEW = read_axis(

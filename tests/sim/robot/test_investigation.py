@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.harness.live import gearcase
 from casebase.signals.telemetry import Telemetry
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.robot.investigation import RobotLog, investigate_robot
 from sim.robot.robot import read_robot
-from tests.live import gearcase
 from tests.shared_data import shared
 from tests.sim.robot.arms import Link, channel_map, robot, swings, torque, two_links, with_mass, write_log, write_robot
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import one_body
 from casebase.signals.telemetry import Telemetry
 from sim.discrepancy.data.clock import evened
-from tests.sim.discrepancy.telemetry_of import one_body
 
 GOOD = one_body(0.3, 1.0, 0.0, 1)
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import RATE_HZ, swing
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.excitation import lacking, turns
 from sim.discrepancy.data.preprocessing import Measurement, prepare
 from sim.mechanisms.mechanism import Need
-from tests.sim.discrepancy.telemetry_of import RATE_HZ, swing
 
 TIME = np.arange(12_000) / RATE_HZ
 GEARED = read_axis(

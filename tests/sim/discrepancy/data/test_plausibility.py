@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import geared
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.validation import Gate, InvestigationError, examine
-from tests.sim.discrepancy.telemetry_of import geared
 
 SHEET: dict[str, dict[str, float]] = {
     "motor": {

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import geared
 from casebase.signals.telemetry import Telemetry
 from sim.chain.model import Array
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.sample_defects import jumps, spikes
 from sim.discrepancy.data.validation import Fault, examine
-from tests.sim.discrepancy.telemetry_of import geared
 
 AXIS = read_axis(
     {

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import one_body
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.validation import InvestigationError, examine
 from sim.discrepancy.investigation import investigate
-from tests.sim.discrepancy.telemetry_of import one_body
 
 AXIS = read_axis({"motor": {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0}, "load": {"inertia_kg_m2": 0.0}})
 GEARED = read_axis(

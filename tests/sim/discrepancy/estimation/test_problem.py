@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from benchmarks.harness.telemetry_of import RATE_HZ, one_body, swing
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
@@ -22,7 +23,6 @@ from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.model.nominal import MOTOR_STRETCH
 from sim.discrepancy.model.parameters import Parameter
-from tests.sim.discrepancy.telemetry_of import RATE_HZ, one_body, swing
 
 AXIS = {
     "motor": {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02},

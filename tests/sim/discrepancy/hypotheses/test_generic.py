@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import geared, one_body
 from casebase.signals.telemetry import Telemetry
 from sim import mechanisms
 from sim.chain.components import TorqueWave
@@ -31,7 +32,6 @@ from sim.mechanisms.catalogue import with_mechanism
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_names, with_error
 from sim.rotational.drive_train import DriveTrain
-from tests.sim.discrepancy.telemetry_of import geared, one_body
 
 BENCH = read_axis(
     {

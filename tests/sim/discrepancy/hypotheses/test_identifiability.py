@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import swing
 from casebase.signals.telemetry import Telemetry
 from sim.assembly import drive_train_of
 from sim.description.axis_document import read_axis
@@ -19,7 +20,6 @@ from sim.discrepancy.pooling.pooled_estimates import Taken
 from sim.discrepancy.results import Estimate
 from sim.errors import AxisError
 from sim.mechanisms.mechanism import Need
-from tests.sim.discrepancy.telemetry_of import swing
 
 INERTIA = 0.3
 BARE = read_axis({"motor": {"inertia_kg_m2": INERTIA}, "load": {"inertia_kg_m2": 0.0}})

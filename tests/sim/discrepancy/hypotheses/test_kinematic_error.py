@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.strain_wave import AXIS, PHASE, erring, log
 from sim.description.axis import Load, LoadEncoder, Motor
 from sim.discrepancy.data.angle_series import beyond_twice
 from sim.discrepancy.data.validation import examine
@@ -16,7 +17,6 @@ from sim.discrepancy.extended_axis import extended_by
 from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.hypotheses.nonparametric import error_over_angle
 from sim.discrepancy.investigation import investigate
-from benchmarks.strain_wave import AXIS, PHASE, erring, log
 
 
 @pytest.mark.slow

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import RATE_HZ, swing
 from sim.chain.model import Chain, Link, Shaft
 from sim.discrepancy.data.preprocessing import Measurement, prepare
 from sim.discrepancy.model.observer import Nuisance, Observer
-from tests.sim.discrepancy.telemetry_of import RATE_HZ, swing
 
 
 def test_one_inertia_needs_its_acceleration_and_friction() -> None:

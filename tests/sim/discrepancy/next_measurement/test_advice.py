@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import RATE_HZ, geared, one_body
 from casebase.signals.telemetry import Telemetry
 from sim.chain.model import Array
 from sim.description.axis_document import read_axis
@@ -23,7 +24,6 @@ from sim.discrepancy.next_measurement.plans import Present, even_speeds, there_a
 from sim.discrepancy.report.html import html_report
 from sim.discrepancy.results import Investigation, MeasurementUtility
 from sim.discrepancy.search.comparison import Model
-from tests.sim.discrepancy.telemetry_of import RATE_HZ, geared, one_body
 
 BODY = read_axis({"name": "bench", "motor": {"inertia_kg_m2": 0.3}, "load": {"inertia_kg_m2": 0.0}})
 FRICTION_N_M = 1.0

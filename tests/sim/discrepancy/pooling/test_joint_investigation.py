@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import one_body, swing
 from casebase.signals.telemetry import Telemetry
 from sim.chain.model import Array
 from sim.description.axis_document import read_axis
@@ -29,7 +30,6 @@ from sim.discrepancy.pooling.log_odds import (
 from sim.discrepancy.pooling.pooled_estimates import Taken, pooled_estimate
 from sim.discrepancy.pooling.recording_evidence import weighed
 from sim.discrepancy.results import Estimate, Finding
-from tests.sim.discrepancy.telemetry_of import one_body, swing
 from tests.sim.discrepancy.test_investigation import axis
 
 TEMPERED = 0.3

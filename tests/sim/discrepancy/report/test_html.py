@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import one_body, swing
 from sim.description.axis_document import read_axis
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.report.cause_panels import cause_panels
@@ -19,7 +20,6 @@ from sim.discrepancy.results import Investigation
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Mechanism
 from tests.sim.discrepancy.acoustic.test_fusion import AXIS, recording, running
-from tests.sim.discrepancy.telemetry_of import one_body, swing
 
 MOTOR = {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02}
 BODY = read_axis({"name": "one <body>", "motor": MOTOR, "load": {"inertia_kg_m2": 0.0}})

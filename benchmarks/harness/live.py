@@ -1,4 +1,4 @@
-"""A real service for the tests: uvicorn in a process of its own, on a free port, with a key of each role."""
+"""A real service: uvicorn in a process of its own, on a free port, with a key of each role."""
 
 import io
 import os
@@ -7,13 +7,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import httpx
-import pytest
 
 from app.cli import run
 
@@ -153,12 +152,3 @@ def started(data_dir: Path, *, worker: bool = False, **environment: str) -> Live
             answer = client.post("/api/v1/keys", json={"name": f"test {role}", "role": role})
             server.keys[role] = answer.raise_for_status().json()["key"]
     return server
-
-
-@pytest.fixture(scope="session")
-def live_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
-    """One service for the whole run: leave it as you found it, and make names of your own."""
-    server = started(tmp_path_factory.mktemp("live") / "data")
-    server.until_ready()
-    yield server
-    server.stop()

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from tests.live import LiveServer
+from benchmarks.harness.live import LiveServer
 
 PATIENCE_S = 30.0
 

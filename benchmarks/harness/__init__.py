@@ -1,0 +1,1 @@
+"""What banks, benchmarks and tests ask the service with: processes, clients, sounds and logs that are known."""
