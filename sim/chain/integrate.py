@@ -70,7 +70,7 @@ def run_chain(
     angle, speed, acceleration = (np.empty((samples, n)) for _ in range(3))
     force = np.empty((samples, n - 1))
     torque = np.empty(samples)
-    log = np.empty((LOG_ROWS, 5))
+    log = np.empty((max(LOG_ROWS, samples // 16), 5))
     while True:
         count, unresolved = chain_kernel.run(
             p.copy(), q.copy(), given, servo, reference, grid, state,

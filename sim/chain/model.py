@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,7 +152,7 @@ class ChainResult:
     log: Array = field(repr=False)
     residual: Residual = field(default_factory=Residual)
 
-    @property
+    @cached_property
     def time_s(self) -> Array:
         return np.arange(self.motor_torque_n_m.size) / self.sample_rate_hz
 

@@ -465,7 +465,7 @@ def advance(
     `moving` states are angles and speeds, then come the signals, then one. Stops are instants at which the signals'
     pieces begin anew, with sample interval, offset in it and values.
     """
-    counts, derivatives, strict, stops, stop_counts = tables[0], tables[1], tables[2], tables[3], tables[4]
+    counts, derivatives, strict, stops, stop_counts, enter = tables[:6]
     n = x.shape[0]
     moving = out.shape[1]
     y = np.empty(products.shape[2])
@@ -515,9 +515,17 @@ def advance(
         while True:
             if check:
                 check = False
-                crossed = holding(x, scale, derivatives[mode], strict[mode], counts[mode])
+                for a in range(n):  # what has no inertia follows a signal at once
+                    total = 0.0
+                    for b in range(n):
+                        total += enter[mode, a, b] * x[b]
+                    spare[a] = total
+                crossed = holding(spare, scale, derivatives[mode], strict[mode], counts[mode])
                 if crossed < 0 and not resting(x, scale, stops[mode], stop_counts[mode]):
                     crossed = counts[mode]
+                if crossed < 0:
+                    for a in range(n):
+                        x[a] = spare[a]
             if crossed >= 0:
                 events += 1
                 if events > MAX_EVENTS:
