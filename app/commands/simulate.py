@@ -85,18 +85,17 @@ def simulate(
     seed: Annotated[int, typer.Option(help="of all noise of an axis: the same seed gives the same files")] = 0,
     rate: Annotated[float, typer.Option(metavar="HZ", help="samples per second of a train's result")] = RATE_HZ,
     parquet: Annotated[bool, typer.Option("--parquet", help="a Parquet file instead of CSV")] = False,
-    plot: Annotated[bool, typer.Option("--plot", help="also run.png and run.svg of an axis")] = False,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
     """Simulate an axis along its motion, its telemetry at 2 kHz and its sound at 8 kHz; or any drive train."""
     frame = frame_of(context)
     if train is None and axis is not None:
         run = Run(frame, duration, out, parquet)
-        document = simulate_axis(run, axis, read_mechanisms(mechanism or [], settings or []), seed, plot=plot)
+        document = simulate_axis(run, axis, read_mechanisms(mechanism or [], settings or []), seed)
         lines = axis_lines(document)
     elif axis is None and train is not None:
-        if mechanism or settings or plot:
-            raise ParameterError("--mechanism, --set and --plot go with --axis")
+        if mechanism or settings:
+            raise ParameterError("--mechanism and --set go with --axis")
         document = simulate_train(Run(frame, duration, out, parquet), train, rate)
         lines = train_lines(document)
     else:
@@ -108,7 +107,7 @@ def simulate(
         frame.print(line)
 
 
-def simulate_axis(run: Run, given: str, wanted: list[Wanted], seed: int, *, plot: bool) -> dict[str, Any]:
+def simulate_axis(run: Run, given: str, wanted: list[Wanted], seed: int) -> dict[str, Any]:
     """Simulate an axis and write its files; return what was simulated, in numbers."""
     from sim.description.axis_document import write_axis
     from sim.experiment.virtual_measurement import Measurement, heard, moved, recorded
@@ -128,12 +127,7 @@ def simulate_axis(run: Run, given: str, wanted: list[Wanted], seed: int, *, plot
         write_sound(sound, files[2])
         table.result()
     files[0].write_text(write_axis(described), encoding="utf-8")
-    result = Measurement(trajectory, telemetry, sound)
-    if plot:
-        from app.simulation_plot import plot_measurement
-
-        files += plot_measurement(result, described, run.out)
-    return summary(result, described, files)
+    return summary(Measurement(trajectory, telemetry, sound), described, files)
 
 
 def simulate_train(run: Run, path: Path, rate: float) -> dict[str, Any]:

@@ -16,8 +16,8 @@ Part = Literal["causes", "overlay", "residual", "sound"]
 
 
 def panels_of(document: Mapping[str, Any], part: Part) -> list[Chart]:
-    """Return the charts of one part; none where only sound was heard."""
-    return [_chart(panel) for panel in document["story"].get(part, ())]
+    """Return the charts of one part; none of what is at work yet."""
+    return [_chart(panel) for panel in document.get("story", {}).get(part, ())]
 
 
 def panel_of(document: Mapping[str, Any], part: Part, number: int) -> Chart:

@@ -9,12 +9,12 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from app.web.charts import Chart
-from app.web.report import A4_INCHES
 from app.web.story import Shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure  # slow to import
 
+A4_INCHES = (8.27, 11.69)
 POINTS = 72.0
 WIDTH, HEIGHT = (POINTS * side for side in A4_INCHES)
 MARGIN, INDENT, CHECK = 42.0, 78.0, 16.0  # points

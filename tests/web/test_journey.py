@@ -328,15 +328,6 @@ def test_error_is_a_sentence_with_the_way_out(opened: Opened, site: Site) -> Non
         assert f"{site.url}/library" in page.links
 
 
-def test_report_is_one_file(site: Site) -> None:
-    """The report names no address to fetch anything from."""
-    with browsing(site, "viewer") as client:
-        page = client.get(f"/diagnoses/{site.diagnosis}/report.html").text
-        assert "<script" not in page
-        assert page.count("src=") == page.count('src="data:image/png;base64,') == 1
-        assert "http" not in page.replace("http://www.w3.org", "")
-
-
 def test_script_weight() -> None:
     """All scripts together stay under 150 KB compressed."""
     folder = Path(__file__).resolve().parents[2] / "app" / "web" / "static"

@@ -5,7 +5,7 @@ from shlex import quote
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Form, Request
-from fastapi.responses import RedirectResponse, Response
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from sqlalchemy import select
 
 from app.errors import Forbidden, Unprocessable
@@ -21,7 +21,7 @@ from app.web.diagnosis_view import view_of
 from app.web.labels import VERIFICATIONS, LabelQuestion, Verified, choices, chosen
 from app.web.pages.queue import ask, number_of, reason_words
 from app.web.pages.recordings import demo_ids
-from app.web.report import diagnosis_html, diagnosis_pdf
+from app.web.report import diagnosis_html
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer, SignInNeeded, Visitor, below_root
 from app.web.steps import told as told_step
 from app.web.templating import Message, render
@@ -286,15 +286,5 @@ def retain(
 def report_html(session: Reading, service: TheService, _: PageViewer, diagnosis_id: str) -> Response:
     """One file that needs no network."""
     page = diagnosis_html(view_of(session, service, get_diagnosis(session, diagnosis_id)), service.settings.time_zone)
-    return _download(page.encode(), "text/html; charset=utf-8", f"diagnosis-{diagnosis_id}.html")
-
-
-@router.get("/diagnoses/{diagnosis_id}/report.pdf", dependencies=[Looking])
-def report_pdf(session: Reading, service: TheService, _: PageViewer, diagnosis_id: str) -> Response:
-    """The same on paper."""
-    pages = diagnosis_pdf(view_of(session, service, get_diagnosis(session, diagnosis_id)), service.settings.time_zone)
-    return _download(pages, "application/pdf", f"diagnosis-{diagnosis_id}.pdf")
-
-
-def _download(content: bytes, media_type: str, name: str) -> Response:
-    return Response(content, media_type=media_type, headers={"Content-Disposition": f'attachment; filename="{name}"'})
+    disposition = f'attachment; filename="diagnosis-{diagnosis_id}.html"'
+    return HTMLResponse(page, headers={"Content-Disposition": disposition})

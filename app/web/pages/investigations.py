@@ -138,7 +138,8 @@ def _has_axis(upload: Upload) -> bool:
 def story(request: Request, session: Reading, principal: PageViewer, investigation_id: str) -> Response:
     """What was found, told in order."""
     row = get_investigation(session, investigation_id)
-    document: dict[str, Any] = dict(row.document or {})
+    document: dict[str, Any] = row.document or {}
+    told = document.get("story", {})
     if row.robot:
         return _robot_page(request, session, row, document, principal)
     context = {
@@ -153,9 +154,9 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "overlay": panels_of(document, "overlay"),
         "residual": panels_of(document, "residual"),
         "sound": panels_of(document, "sound"),
-        "candidates": document["story"].get("candidates", ()),
-        "checked": document["story"].get("checked", ()),
-        "not_examined": document["story"].get("not_examined", ()),
+        "candidates": told.get("candidates", ()),
+        "checked": told.get("checked", ()),
+        "not_examined": told.get("not_examined", ()),
         "diagnosed": diagnosis_words(session, row),
         "others": others_of(session, row),
         "accepted": session.scalars(select(AxisRevision).where(AxisRevision.investigation_id == row.id)).first(),
