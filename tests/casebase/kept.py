@@ -15,7 +15,7 @@ UNKNOWN = {"fault": {"present": None, "probability": None}, "novelty": {"distanc
 
 def keep(
     session: Session,
-    axis: str,
+    axis: str | None,
     gearbox: str | None,
     at: datetime | None,
     features: Mapping[str, float],

@@ -1,6 +1,5 @@
 """Rules over states and silence: told once when they begin to hold, by recording time, with what a person said."""
 
-import itertools
 from datetime import datetime, timedelta
 
 import pytest
@@ -13,18 +12,8 @@ from casebase.alarms.state import state_of
 from casebase.diagnoses import revise_diagnosis
 from casebase.errors import ConflictError, InvalidRequestError
 from casebase.library import CaseLibrary
-from casebase.models import (
-    AuditEntry,
-    Delivery,
-    MaintenanceMark,
-    StoredDiagnosis,
-    StoredJob,
-    StoredRecording,
-    new_id,
-    now,
-)
-
-_numbers = itertools.count()
+from casebase.models import AuditEntry, Delivery, MaintenanceMark, StoredDiagnosis, StoredJob, StoredRecording, now
+from tests.casebase.kept import keep
 
 
 def diagnosed(
@@ -33,43 +22,14 @@ def diagnosed(
     probability: float = 0.95,
     size_rad: float | None = None,
     recorded_at: datetime | None = None,
-    verdict: str = "diagnosed",
     gearbox: str | None = "g1",
 ) -> str:
     """Store a diagnosis of the axis `bench` as it comes in, and hold the rules against it; return its id."""
-    digest = f"{next(_numbers):064x}"
-    recording = StoredRecording(
-        sound_id=new_id(),
-        fingerprint=digest,
-        samples_sha256=digest,
-        file_sha256=digest,
-        file_name="x.wav",
-        media_type="audio/wav",
-        byte_count=1,
-        sample_rate_hz=8000.0,
-        channel=0,
-        channels=1,
-        duration_s=1.0,
-        unit="1",
-        usable=True,
-        quality=[],
-        axis="bench" if gearbox else None,
-        gearbox=gearbox,
-        recorded_at=recorded_at,
-        description={},
-        created_by="test",
-    )
+    recording = keep(session, "bench" if gearbox else None, gearbox, recorded_at, {}, labels[0])
+    row = session.get_one(StoredDiagnosis, recording.id)
+    row.probability = probability
     faults = [{"label": label, "probability": probability} for label in labels if label != "normal"]
-    severity = None if size_rad is None else {"value": size_rad}
-    row = StoredDiagnosis(
-        recording=recording,
-        verdict=verdict,
-        label=labels[0] if labels else None,
-        probability=probability,
-        document={"faults": faults, "severity": severity},
-        created_by="test",
-    )
-    session.add_all([recording, row])
+    row.document = {"faults": faults, "severity": None if size_rad is None else {"value": size_rad}}
     session.flush()
     rules.review(session, recording.axis, recording.gearbox)
     return row.id
