@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Any
 from zoneinfo import ZoneInfo
 
-from app.web.words import VERDICTS, name_of, one_of
+from app.report.words import VERDICTS, name_of, one_of
 from casebase.models import Delivery
 
 SCHEMA = "gearcase-alarm/1"

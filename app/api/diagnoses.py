@@ -3,7 +3,6 @@
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request, Response, status
-from fastapi.responses import HTMLResponse
 from sqlalchemy.orm import Session
 
 from app.accept import chosen
@@ -22,11 +21,11 @@ from app.gate import Looking
 from app.idempotency import Made, OnlyOnce
 from app.intake import take_in
 from app.metadata import RecordingMetadata, read_metadata
+from app.report.diagnosis_view import diagnosis_html, view_of
+from app.report.self_contained import self_contained
 from app.security import Operator, Viewer
 from app.service import Reading, TheService
 from app.uploads import TheUpload, multipart_body
-from app.web.diagnosis_view import view_of
-from app.web.report import diagnosis_html, report_policy
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
 
 router = APIRouter(tags=["diagnoses"])
@@ -103,7 +102,7 @@ def report(_: Viewer, session: Reading, service: TheService, diagnosis_id: Ident
     if chosen(request.headers.get("accept"), (HTML, JSON)) == JSON:
         return Response(answer.model_dump_json(), media_type=JSON, headers={"Vary": "Accept"})
     page = diagnosis_html(view_of(session, service, row), service.settings.time_zone)
-    return HTMLResponse(page, headers={"Vary": "Accept", "Content-Security-Policy": report_policy()})
+    return self_contained(page, Vary="Accept")
 
 
 @router.patch("/diagnoses/{diagnosis_id}")

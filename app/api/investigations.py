@@ -30,11 +30,11 @@ from app.investigations import (
     take_in_robot,
 )
 from app.location import location
+from app.report.self_contained import self_contained
 from app.robots import BINARY, robot_of
 from app.security import Admin, Operator, Viewer
 from app.service import Reading, Service, TheService
 from app.uploads import TheUpload, Upload
-from app.web.self_contained import self_contained
 from casebase.axes import get_axis
 from casebase.diagnoses import get_diagnosis
 from casebase.models import RobotRevision, StoredInvestigation

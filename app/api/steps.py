@@ -9,9 +9,9 @@ from sqlalchemy.orm import Session
 from app.documents import Instant
 from app.errors import Forbidden
 from app.idempotency import Made, OnlyOnce
+from app.report.steps import described
 from app.security import Operator, Role, Viewer
 from app.service import Reading
-from app.web.steps import described
 from casebase.errors import NotFoundError
 from casebase.models import AuditEntry
 from casebase.steps import entries_of, standing, stands, undo

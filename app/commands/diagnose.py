@@ -14,8 +14,8 @@ from app.commands.sounds import MEANT, Sound, sounds
 from app.documents import DiagnosisAnswer
 from app.intake import media_type_of, take_in
 from app.metadata import RecordingMetadata
-from app.web.templating import sentence as sentence_of
-from app.web.words import is_poor, names_fault, remarks_beside, verdict_of
+from app.report.formatting import sentence as sentence_of
+from app.report.words import is_poor, names_fault, remarks_beside, verdict_of
 from casebase.labels import BASELINES
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError

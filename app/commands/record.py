@@ -14,8 +14,8 @@ from app.metadata import RecordingMetadata
 from app.microphone import Level, listed, opened, record
 from app.process import stop_on_signals
 from app.remote import Remote
+from app.report.words import verdict_of
 from app.sound import read_sound
-from app.web.words import verdict_of
 from casebase.signals.features import extract
 from casebase.signals.quality import QualityFlag, Severity
 

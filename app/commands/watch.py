@@ -11,8 +11,8 @@ from app.commands.frame import Frame, Steady, frame_of
 from app.metadata import RecordingMetadata
 from app.process import stop_on_signals
 from app.remote import RefusedError, Remote, UnreachableError
+from app.report.words import verdict_of
 from app.watch_folder import MEMORY, SETTLED_S, Candidate, Memory, WatchFolder
-from app.web.words import verdict_of
 
 EVERY_S, LONGEST_S = 1.0, 60.0
 Service = Annotated[str, typer.Option(envvar="GEARCASE_URL", help="address of the service; its key is in GEARCASE_KEY")]

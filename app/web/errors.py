@@ -7,8 +7,9 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.report.formatting import sentence
 from app.service import service_of
-from app.web.templating import render, sentence
+from app.web.templating import render
 
 
 class PageErrors:

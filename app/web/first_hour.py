@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from sqlalchemy.orm import Session
 
 from app.jobs.job import Job
+from app.report.formatting import percent, sentence
+from app.report.words import CALIBRATED_FROM, name_of
 from app.service import Service
 from app.web.counted import counted as kept_count
-from app.web.templating import percent, sentence
-from app.web.words import CALIBRATED_FROM, name_of
 from casebase.axis_cases import LabelCases, Taken, cases_of_axes
 from casebase.evaluation import Evaluation, Outcome, Proportion
 from casebase.labels import BASELINES

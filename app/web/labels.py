@@ -8,7 +8,7 @@ from typing import Literal
 from pydantic import TypeAdapter, ValidationError
 
 from app.errors import Unprocessable
-from app.web.words import NAMES, name_of
+from app.report.words import NAMES, name_of
 from casebase.fields import Label
 from casebase.labels import GEAR_DAMAGE
 from sim.experiment.design_of_experiments import LABELS

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from app.web.charts import Chart
+from app.report.charts import Chart
 from app.web.story import causes_of
 from sim.discrepancy.report.formatting import named
 from sim.discrepancy.results import SAID

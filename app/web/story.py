@@ -7,8 +7,8 @@ from typing import Any, Literal
 import numpy as np
 
 from app.errors import NotFound
-from app.web.charts import Chart
-from app.web.svg import Band, Marker, Series
+from app.report.charts import Chart
+from app.report.svg import Band, Marker, Series
 from sim.discrepancy.report.box import Entry
 from sim.discrepancy.report.panels import AS_DESCRIBED, style_of
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from app.web.charts import Chart
+from app.report.charts import Chart
 from app.web.story import Shown
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from app.web.charts import waveform
-from app.web.diagnosis_view import analysed
-from app.web.disturbed import marked, stretches
+from app.report.charts import waveform
+from app.report.diagnosis_view import analysed
+from app.report.disturbed import marked, stretches
 from benchmarks.harness.live import LiveServer, started
 from benchmarks.harness.sounds import wav
 from casebase.signals.condition import UNKNOWN

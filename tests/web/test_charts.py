@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.web.charts import crest_trace
+from app.report.charts import crest_trace
 from benchmarks.harness.sounds import RATE_HZ, hum
 from casebase.signals import crest
 from casebase.signals.condition import UNKNOWN

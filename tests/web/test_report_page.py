@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, Route
 
-from app.web.self_contained import self_contained
+from app.report.self_contained import self_contained
 from benchmarks.harness.telemetry_of import one_body, swing
 from sim.description.axis_document import read_axis
 from sim.discrepancy.investigation import investigate

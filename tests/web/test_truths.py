@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from app.web.svg import polar_chart
+from app.report.svg import polar_chart
 from benchmarks.harness.site import Site
 from casebase.models import StoredJob, new_id, now
 from sim.discrepancy.report.panels import AS_DESCRIBED, DESCRIBED, EXTENDED, FLOOR, MEASURED

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.commands.diagnose import is_fault
-from app.web.charts import envelope
-from app.web.diagnosis_view import facts_of
-from app.web.evidence import evidence_of
-from app.web.svg import Axis, Series, line_chart
-from app.web.templating import percent
-from app.web.words import CHECKS, verdict_of
+from app.report.charts import envelope
+from app.report.diagnosis_view import facts_of
+from app.report.evidence import evidence_of
+from app.report.formatting import percent
+from app.report.svg import Axis, Series, line_chart
+from app.report.words import CHECKS, verdict_of
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.differing import Differing
 

@@ -3,6 +3,7 @@
 from fastapi import APIRouter, FastAPI
 from fastapi.staticfiles import StaticFiles
 
+from app.report.formatting import STATIC
 from app.web.errors import sign_in_first
 from app.web.pages import (
     admin,
@@ -24,7 +25,6 @@ from app.web.pages import (
     simulate,
 )
 from app.web.session import SignInNeeded
-from app.web.templating import STATIC
 
 PAGES: tuple[APIRouter, ...] = (
     session.router,

@@ -10,11 +10,11 @@ from pydantic import BaseModel, ValidationError
 from app.alarms.message import message_of
 from app.api.alarms import ReceiverRequest, RuleRequest
 from app.errors import Unprocessable, validation_problem
+from app.report.words import VERDICTS
 from app.service import Reading, Service, TheService
 from app.web.pages.diagnoses import root_of
 from app.web.session import FromOurPage, PageAdmin
 from app.web.templating import render
-from app.web.words import VERDICTS
 from casebase.alarms import outbox, rules
 
 router = APIRouter(prefix="/alarms")

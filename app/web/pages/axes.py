@@ -12,11 +12,11 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.errors import Unprocessable
+from app.report.standing_words import state_badge, why
 from app.service import Reading, Service, TheService
 from app.web.headlines import Headlined, headlined, light
 from app.web.pages.fleet import silent_after
 from app.web.session import FromOurPage, PageOperator, PageViewer
-from app.web.standing_words import state_badge, why
 from app.web.templating import render
 from casebase import audit, revisions
 from casebase.alarms import rules

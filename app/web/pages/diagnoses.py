@@ -5,7 +5,7 @@ from shlex import quote
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Form, Request
-from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import select
 
 from app.errors import Forbidden, Unprocessable
@@ -13,19 +13,19 @@ from app.gate import Looking
 from app.intake import take_in
 from app.investigations import investigations_from
 from app.metadata import RecordingMetadata, read_metadata
+from app.report.diagnosis_view import diagnosis_html, view_of
+from app.report.self_contained import self_contained
+from app.report.steps import told as told_step
+from app.report.words import VERDICTS, how_sure, investigation_headline, verdict_word
 from app.security import Principal, Role, check_csrf
 from app.service import Reading, Service, TheService
 from app.uploads import TheUpload
 from app.web.counted import counts_of
-from app.web.diagnosis_view import view_of
 from app.web.labels import VERIFICATIONS, LabelQuestion, Verified, choices, chosen
 from app.web.pages.queue import ask, number_of, reason_words
 from app.web.pages.recordings import demo_ids
-from app.web.report import diagnosis_html
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer, SignInNeeded, Visitor, below_root
-from app.web.steps import told as told_step
 from app.web.templating import Message, render
-from app.web.words import VERDICTS, how_sure, investigation_headline, verdict_word
 from casebase.axes import find_axis
 from casebase.cycle.retain import is_undone
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
@@ -287,4 +287,4 @@ def report_html(session: Reading, service: TheService, _: PageViewer, diagnosis_
     """One file that needs no network."""
     page = diagnosis_html(view_of(session, service, get_diagnosis(session, diagnosis_id)), service.settings.time_zone)
     disposition = f'attachment; filename="diagnosis-{diagnosis_id}.html"'
-    return HTMLResponse(page, headers={"Content-Disposition": disposition})
+    return self_contained(page, **{"Content-Disposition": disposition})

@@ -15,11 +15,13 @@ from app.errors import Unprocessable
 from app.generation import KIND as GENERATION
 from app.intake import take_in
 from app.metadata import RecordingMetadata, read_metadata
+from app.report.disturbed import Flag, flags_of
+from app.report.steps import told as told_step
+from app.report.words import verdict_of
 from app.security import check_csrf
 from app.service import Reading, Service, TheJobs, TheService
 from app.uploads import TheUpload
 from app.web.counted import counted, counts_of
-from app.web.disturbed import Flag, flags_of
 from app.web.first_hour import Hour, axis_cases, known_of_axis, obstacles
 from app.web.labels import VERIFICATIONS, LabelQuestion, choices, chosen
 from app.web.pages.axes import check_known
@@ -27,9 +29,7 @@ from app.web.pages.diagnoses import NUMBERS, may_keep, said_how, told
 from app.web.pages.queue import number_of
 from app.web.pages.review import MOST_AT_ONCE
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
-from app.web.steps import told as told_step
 from app.web.templating import Message, render
-from app.web.words import verdict_of
 from casebase.axes import find_axis, list_axes
 from casebase.axis_cases import Taken, gearboxes_known, newest_recordings
 from casebase.diagnoses import revise_diagnosis

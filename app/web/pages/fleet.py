@@ -11,15 +11,15 @@ from fastapi.responses import Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from app.report.standing_words import WORDS, day, evidence_words, next_steps, since_words, state_badge, trend_words, why
+from app.report.trend import charts_of, level_chart
+from app.report.words import VERDICTS, in_short, is_compared, sure_of
 from app.service import Reading, Service, TheService
 from app.web.first_hour import axis_cases, known_of_axis
 from app.web.headlines import Headlined, headlined, light
 from app.web.session import PageViewer
-from app.web.standing_words import WORDS, day, evidence_words, next_steps, since_words, state_badge, trend_words, why
 from app.web.templating import render
-from app.web.trend import charts_of, level_chart
 from app.web.waiting import waiting_page
-from app.web.words import VERDICTS, in_short, is_compared, sure_of
 from casebase.axes import is_axis, unknown_axis
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import Reason, Standing, State, standing

@@ -24,17 +24,18 @@ from app.investigations import (
     names_of,
     submit,
 )
+from app.report.formatting import instant
+from app.report.self_contained import self_contained
+from app.report.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
 from app.security import Principal, check_csrf
 from app.service import Reading, TheJobs, TheService
 from app.uploads import TheUpload, Upload
 from app.web.headlines import Headlined, headlined, light
 from app.web.log_preview import log_preview, sound_preview
 from app.web.robot import joints_of, of_robot
-from app.web.self_contained import self_contained
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.story import Part, Shown, box_shown, panel_of, panels_of
-from app.web.templating import instant, render
-from app.web.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
+from app.web.templating import render
 from app.web.work_sheet import Sheet, investigation_pdf
 from casebase import revisions
 from casebase.axes import list_axes

@@ -14,19 +14,20 @@ from app.errors import Conflict, Unprocessable
 from app.gate import Looking
 from app.intake import take_in
 from app.metadata import CaseMetadata, read_metadata
+from app.report.features import features_of
+from app.report.formatting import sentence
+from app.report.recorded import chart_of
+from app.report.steps import told as told_step
 from app.security import check_csrf
 from app.service import Reading, Service, TheService
 from app.uploads import TheUpload
 from app.web.counted import counted, counts_of
-from app.web.features import features_of
 from app.web.labels import VERIFICATIONS, LabelQuestion, choices, damage_of
 from app.web.labels import chosen as chosen_label
 from app.web.pages.diagnoses import number, said_how, told
 from app.web.pages.queue import ask, number_of
-from app.web.recorded import chart_of
 from app.web.session import FromOurPage, PageAdmin, PageViewer
-from app.web.steps import told as told_step
-from app.web.templating import Message, render, sentence
+from app.web.templating import Message, render
 from app.web.waiting import of_library, waiting_page
 from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.case_filter import CaseFilter

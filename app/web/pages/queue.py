@@ -9,13 +9,13 @@ from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import select
 
 from app.errors import Forbidden
+from app.report.steps import told
+from app.report.words import how_sure, is_compared, name_of, names_fault, verdict_of
 from app.security import Principal, Role
 from app.service import Reading, TheService
 from app.web.labels import LabelQuestion
 from app.web.session import FromOurPage, PageOperator, PageViewer
-from app.web.steps import told
 from app.web.templating import render
-from app.web.words import how_sure, is_compared, name_of, names_fault, verdict_of
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import NamedFault
 from casebase.models import StoredDiagnosis

@@ -12,10 +12,10 @@ from app.api import recordings as api
 from app.errors import Unprocessable
 from app.gate import Looking
 from app.intake import DEMO
+from app.report import charts
+from app.report.recorded import PlotName, chart_of, spectrogram_png
 from app.security import Role
 from app.service import Reading, TheService
-from app.web import charts
-from app.web.recorded import PlotName, chart_of, spectrogram_png
 from app.web.session import FromOurPage, PageAdmin, SignInNeeded, Visitor, below_root
 from casebase import erasing
 from casebase.artifacts import active_artifact

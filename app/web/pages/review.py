@@ -11,11 +11,11 @@ from app.api.simulations import SimulationRequest, campaign_of
 from app.beside import Begun
 from app.errors import Unprocessable
 from app.generation import KIND as GENERATION
+from app.report.words import name_of
 from app.service import Reading, TheJobs, TheService
 from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.templating import Message, render
 from app.web.waiting import of_library, waiting_page
-from app.web.words import name_of
 from casebase import review as care
 from casebase.axes import get_axis, list_axes
 from casebase.errors import NotFoundError

@@ -16,13 +16,13 @@ from app.gate import Looking
 from app.generation import wav
 from app.intake import hear
 from app.metadata import RecordingMetadata
+from app.report.charts import Chart
+from app.report.svg import Series
+from app.report.words import certainty, verdict_of
 from app.service import Service, TheService
-from app.web.charts import Chart
 from app.web.session import PageViewer
 from app.web.simulator import Line, Run, Slider, moved, simulate, sliders
-from app.web.svg import Series
 from app.web.templating import render
-from app.web.words import certainty, verdict_of
 from casebase.axes import find_axis, get_axis, list_axes
 from casebase.diagnoses import provenance
 from casebase.signals.crest import peak, root_mean_square

@@ -8,8 +8,8 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from app import views
-from app.web.disturbed import stretches
-from app.web.svg import Axis, Band, Marker, Series, Stretch, line_chart, polar_chart
+from app.report.disturbed import stretches
+from app.report.svg import Axis, Band, Marker, Series, Stretch, line_chart, polar_chart
 from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
 from casebase.signals.band import Band as SignalBand
 from casebase.signals.disturbances import Survey

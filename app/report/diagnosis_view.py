@@ -1,5 +1,6 @@
 """Everything the page and the report of one diagnosis show, gathered once."""
 
+import base64
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,17 +11,16 @@ from markupsafe import Markup
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from app.service import Service
-from app.web import charts as draw
-from app.web.charts import Chart
-from app.web.disturbed import Flag, flags_of, left_out_words, marked
-from app.web.evidence import Evidence, evidence_of
-from app.web.features import features_of, read_together
-from app.web.recorded import decoded, event_times, order_markers, spectrogram_png, strongest_events, surveyed
-from app.web.standing_words import earlier_words
-from app.web.templating import quantity
-from app.web.trend import chart_of
-from app.web.words import (
+from app.report import charts as draw
+from app.report.charts import Chart
+from app.report.disturbed import Flag, flags_of, left_out_words, marked
+from app.report.evidence import Evidence, evidence_of
+from app.report.features import features_of, read_together
+from app.report.formatting import ENVIRONMENT, STATIC, instant, quantity
+from app.report.recorded import decoded, event_times, order_markers, spectrogram_png, strongest_events, surveyed
+from app.report.standing_words import earlier_words
+from app.report.trend import chart_of
+from app.report.words import (
     Verdict,
     certainty,
     fault_words,
@@ -32,6 +32,7 @@ from app.web.words import (
     unlikeness,
     verdict_of,
 )
+from app.service import Service
 from casebase.axes import find_axis
 from casebase.gearbox_state import fault_before
 from casebase.gearboxes import History
@@ -307,3 +308,14 @@ def earlier_fault(row: StoredDiagnosis, history: History | None, zone: str) -> s
     this = next(one for one in history.heard if one.recording_id == row.recording.id)
     fault = fault_before(history, this)
     return "" if fault is None else earlier_words(fault, zone)
+
+
+def diagnosis_html(view: DiagnosisView, zone: str) -> str:
+    """Return the report as one HTML file: no script, no address, plots as SVG."""
+    context = {
+        **view.context(),
+        "style": Markup((STATIC / "gearcase.css").read_text()),  # noqa: S704  our own file
+        "at": lambda value: instant(value, zone),
+        "spectrogram": base64.b64encode(view.spectrogram() or b"").decode(),
+    }
+    return ENVIRONMENT.get_template("report.html").render(context)

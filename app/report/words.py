@@ -6,8 +6,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from app.web.svg import sign_of
-from app.web.templating import percent, quantity, sentence
+from app.report.formatting import percent, quantity, sentence
+from app.report.svg import sign_of
 from casebase.diagnosis import DIAGNOSED_FROM, EXCLUDED_BELOW
 from casebase.labels import BASELINES
 from sim.discrepancy.report.comparison import Row

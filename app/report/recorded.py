@@ -9,11 +9,11 @@ from sqlalchemy.orm import Session
 
 from app import views
 from app.errors import NotFound
+from app.report import charts
+from app.report.disturbed import stretches
+from app.report.features import stored_features
+from app.report.svg import Marker
 from app.service import Service
-from app.web import charts
-from app.web.disturbed import stretches
-from app.web.features import stored_features
-from app.web.svg import Marker
 from casebase.description import condition_of
 from casebase.models import StoredRecording
 from casebase.signals.analysis import Analysis

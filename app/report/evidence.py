@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from app.web.templating import percent, quantity, sentence
+from app.report.formatting import percent, quantity, sentence
 from casebase.signals.features import catalogue, feature_words
 
 PLOTS = (

@@ -5,9 +5,9 @@ from zoneinfo import ZoneInfo
 
 from markupsafe import Markup
 
-from app.web.svg import shape_path
-from app.web.templating import NO_BREAK
-from app.web.words import CHECKS, name_of, one_of
+from app.report.formatting import NO_BREAK
+from app.report.svg import shape_path
+from app.report.words import CHECKS, name_of, one_of
 from casebase.gearbox_state import NamedFault, Reason, Standing, State
 from casebase.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
 

@@ -6,8 +6,8 @@ from datetime import datetime
 
 import numpy as np
 
-from app.web.charts import Chart
-from app.web.svg import Band, Marker, Series
+from app.report.charts import Chart
+from app.report.svg import Band, Marker, Series
 from casebase.gearboxes import NOTE, History
 from casebase.signals.band import Band as SignalBand
 from casebase.signals.features import feature_words

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from app.web.svg import Stretch
+from app.report.svg import Stretch
 from casebase.signals.disturbances import Survey, flags
 
 SHORT_S = 1.0

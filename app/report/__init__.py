@@ -1,0 +1,1 @@
+"""What is said and drawn of a diagnosis: the same on pages, over HTTP, in messages and on the command line."""
