@@ -2,10 +2,8 @@
 
 import io
 import math
-from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Generic, TypeVar
@@ -135,56 +133,6 @@ def forget() -> None:
     SURVEYED.clear()
 
 
-class View(ABC):
-    """A way to look at a recording; equal ones show the same."""
-
-    @abstractmethod
-    def of(self, recording: Recording) -> bytes:
-        """Return what is answered."""
-
-
-@dataclass(frozen=True)
-class WaveformOf(View):
-    points: int
-
-    def of(self, recording: Recording) -> bytes:
-        return waveform(recording, self.points).model_dump_json().encode()
-
-
-@dataclass(frozen=True)
-class SpectrumOf(View):
-    resolution_hz: float
-
-    def of(self, recording: Recording) -> bytes:
-        return spectrum(recording, self.resolution_hz).model_dump_json().encode()
-
-
-@dataclass(frozen=True)
-class CrestFactorOf(View):
-    window_s: float
-    low_pass_hz: float
-
-    def of(self, recording: Recording) -> bytes:
-        return crest(recording, self.window_s, self.low_pass_hz).model_dump_json().encode()
-
-
-@dataclass(frozen=True)
-class SpectrogramOf(View):
-    columns: int
-
-    def of(self, recording: Recording) -> bytes:
-        return spectrogram(recording, self.columns).model_dump_json().encode()
-
-
-@dataclass(frozen=True)
-class PictureOf(View):
-    columns: int
-    dark: bool
-
-    def of(self, recording: Recording) -> bytes:
-        return spectrogram_png(recording, self.columns, dark=self.dark)
-
-
 def waveform(recording: Recording, points: int) -> Waveform:
     """Return the envelope of the samples in at most `points` intervals."""
     size = recording.samples.size
@@ -250,7 +198,7 @@ def crest(recording: Recording, window_s: float = WINDOW_S, low_pass_hz: float =
 
 
 def spectrogram_png(
-    recording: Recording, columns: int, *, dark: bool = False, marked: Sequence[tuple[float, float, str]] = ()
+    recording: Recording, columns: int, dark: bool = False, marked: Sequence[tuple[float, float, str]] = ()
 ) -> bytes:
     """Return the spectrogram as a PNG with labelled axes, 80 dB below the loudest point downwards left out.
 

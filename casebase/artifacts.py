@@ -6,7 +6,6 @@ from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
 from casebase import audit
-from casebase.errors import NotFoundError
 from casebase.models import Artifact
 
 
@@ -54,22 +53,6 @@ def active_artifact(session: Session, kind: str) -> Artifact | None:
 def list_artifacts(session: Session, kind: str) -> Sequence[Artifact]:
     """Return all versions of a kind, newest first."""
     return session.scalars(select(Artifact).where(Artifact.kind == kind).order_by(Artifact.version.desc())).all()
-
-
-def activate(session: Session, kind: str, version: int) -> Artifact:
-    """Go back (or forward) to a version; raises NotFoundError. It stays until something is learned on request."""
-    row = session.get(Artifact, (kind, version))
-    if row is None:
-        raise NotFoundError(f"{kind} has no version {version}")
-    before = active_artifact(session, kind)
-    _deactivate(session, kind)
-    session.execute(update(Artifact).where(Artifact.kind == kind, Artifact.version == version).values(active=True))
-    session.refresh(row)
-    previous = None if before is None else before.version
-    audit.record(
-        session, "artifact.activated", ("artifact", kind), before={"version": previous}, after={"version": version}
-    )
-    return row
 
 
 def _deactivate(session: Session, kind: str) -> None:

@@ -82,11 +82,6 @@ class Change:
     began: Floats
 
 
-def change_of(values: NDArray[np.floating], regressors: NDArray[np.floating]) -> Change:
-    """Weigh whether one feature has risen at some recording and stayed up; see `changes_of`."""
-    return changes_of(np.asarray(values)[:, None], regressors)[0]
-
-
 def changes_of(values: NDArray[np.floating], regressors: NDArray[np.floating], kind: Kind = Kind.RISE) -> list[Change]:
     """Weigh for each feature whether it has changed at some recording and stayed so.
 

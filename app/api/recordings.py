@@ -1,8 +1,8 @@
 """Recordings: their sound, byte ranges included, and what it looks like."""
 
 import re
-from collections.abc import Iterator
-from dataclasses import asdict, replace
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 from urllib.parse import quote
@@ -18,6 +18,7 @@ from app.documents import Answer, ErasedAnswer, Identifier, RecordingAnswer
 from app.errors import RangeNotSatisfiable
 from app.gate import Looking
 from app.intake import media_type_of
+from app.report.recorded import decoded
 from app.security import Admin, Viewer
 from app.service import Reading, Service, TheService
 from casebase import erasing
@@ -26,7 +27,6 @@ from casebase.recordings import named_features
 from casebase.signals.crest import WINDOW_S
 from casebase.signals.features import EXTRACTOR_VERSION, catalogue
 from casebase.signals.filters import PAPER_CUTOFF_HZ
-from casebase.signals.recording import Recording
 
 router = APIRouter(prefix="/recordings/{recording_id}", tags=["recordings"])
 
@@ -106,7 +106,7 @@ def file_answer(service: Service, row: StoredRecording, byte_range: str | None, 
     if partial:
         headers["Content-Range"] = f"bytes {start}-{end - 1}/{row.byte_count}"
     code = status.HTTP_206_PARTIAL_CONTENT if partial else status.HTTP_200_OK
-    return StreamingResponse(_bytes(path, start, end), code, headers, media_type=audio_type(row))
+    return StreamingResponse(_bytes(path, start, end), code, headers, media_type=media_type_of(row.file_name))
 
 
 def asked_range(header: str | None, size: int) -> tuple[int, int]:
@@ -133,11 +133,6 @@ def asked_range(header: str | None, size: int) -> tuple[int, int]:
     return start, end
 
 
-def audio_type(row: StoredRecording) -> str:
-    """The media type for the browser: sound or plain bytes, whatever the sender claimed."""
-    return media_type_of(row.file_name)
-
-
 def _bytes(path: Path, start: int, end: int) -> Iterator[bytes]:
     with path.open("rb") as file:
         file.seek(start)
@@ -147,15 +142,18 @@ def _bytes(path: Path, start: int, end: int) -> Iterator[bytes]:
             yield block
 
 
-def shown(service: Service, row: StoredRecording, view: views.View, kind: str = JSON, **headers: str) -> Response:
+def shown(
+    service: Service, row: StoredRecording, look: Callable[..., BaseModel | bytes], *how: object, kind: str = JSON
+) -> Response:
     """Answer what a recording looks like, as it was computed before where that is kept."""
+
+    def drawn() -> bytes:
+        found = look(decoded(service, row), *how)
+        return found if isinstance(found, bytes) else found.model_dump_json().encode()
+
     path = service.library.retrieve.audio_path(row)
-    content = views.kept((path, row.channel, row.unit, view), lambda: view.of(decoded(service, row)))
-    return Response(content, headers={**UNTIL_ERASED, **headers}, media_type=kind)
-
-
-def decoded(service: Service, row: StoredRecording) -> Recording:
-    return replace(views.decoded(service.library.retrieve.audio_path(row), row.channel), unit=row.unit)
+    content = views.kept((path, row.channel, row.unit, look.__name__, *how), drawn)
+    return Response(content, headers=UNTIL_ERASED, media_type=kind)
 
 
 @router.get("/waveform", response_model=views.Waveform, dependencies=[Looking])
@@ -167,7 +165,7 @@ def waveform(
     points: Annotated[int, Query(ge=10, le=200_000, description="intervals")] = 2000,
 ) -> Response:
     """Lowest and highest sample of each of `points` intervals."""
-    return shown(service, service.library.retrieve.recording(session, recording_id), views.WaveformOf(points))
+    return shown(service, service.library.retrieve.recording(session, recording_id), views.waveform, points)
 
 
 @router.get("/spectrum", response_model=views.Spectrum, dependencies=[Looking])
@@ -179,7 +177,7 @@ def spectrum(
     resolution_hz: Annotated[float, Query(ge=0.1, le=1000, description="width of a line [Hz]")] = 2.0,
 ) -> Response:
     """Averaged power spectrum."""
-    return shown(service, service.library.retrieve.recording(session, recording_id), views.SpectrumOf(resolution_hz))
+    return shown(service, service.library.retrieve.recording(session, recording_id), views.spectrum, resolution_hz)
 
 
 @router.get("/crest", response_model=views.CrestFactor, dependencies=[Looking])
@@ -194,8 +192,8 @@ def crest(
     ] = round(PAPER_CUTOFF_HZ),
 ) -> Response:
     """Crest factor over time, peak of each window over the RMS of the whole record, beside RMS and peak."""
-    row, view = service.library.retrieve.recording(session, recording_id), views.CrestFactorOf(window_s, low_pass_hz)
-    return shown(service, row, view)
+    row = service.library.retrieve.recording(session, recording_id)
+    return shown(service, row, views.crest, window_s, low_pass_hz)
 
 
 @router.get(
@@ -215,8 +213,13 @@ def spectrogram(
 ) -> Response:
     """Level over time and frequency: a PNG by default, numbers for `Accept: application/json`."""
     kind = chosen(request.headers.get("accept", "*/*"), (PNG, JSON))
-    view = views.SpectrogramOf(columns) if kind == JSON else views.PictureOf(columns, dark=theme == "dark")
-    return shown(service, service.library.retrieve.recording(session, recording_id), view, kind, Vary="Accept")
+    row = service.library.retrieve.recording(session, recording_id)
+    if kind == JSON:
+        answer = shown(service, row, views.spectrogram, columns)
+    else:
+        answer = shown(service, row, views.spectrogram_png, columns, theme == "dark", kind=PNG)
+    answer.headers["Vary"] = "Accept"
+    return answer
 
 
 class Feature(BaseModel):

@@ -15,8 +15,8 @@ from casebase.trend import (
     FOLLOWED,
     IMPACTS,
     RECORDINGS_PER_FALSE_ALARM,
+    Change,
     Trend,
-    change_of,
     changes_of,
     trend_of,
 )
@@ -24,6 +24,11 @@ from tests.casebase.kept import keep
 
 Floats = NDArray[np.float64]
 START = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+def change_of(values: Floats, regressors: Floats) -> Change:
+    """Of one feature."""
+    return changes_of(values[:, None], regressors)[0]
 
 
 def operation(rng: np.random.Generator, count: int) -> Floats:
