@@ -2,12 +2,10 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from app.commands import record
-from app.commands.axis import axis_name
 from benchmarks.harness.live import gearcase
 from benchmarks.harness.sounds import sound
 
@@ -55,30 +53,11 @@ def test_a_file_and_a_stored_name_say_the_same(data_dir: Path, given: str, tmp_p
     assert not any("no axis is described" in remark for remark in entry["remarks"])
 
 
-def test_a_service_is_told_the_name(data_dir: Path) -> None:
-    assert axis_name(str(data_dir.parent / "axis.toml")) == axis_name("bench") == "bench"
-    assert axis_name(None) is None
-
-
 def test_a_folder_of_the_same_name_is_no_axis(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "bench").mkdir()
     monkeypatch.chdir(tmp_path)
     words = ("simulate", "--axis", "bench", "--duration", "1", "--out", "run", "--json")
     assert gearcase(*words, data_dir=data_dir).code == 0
-
-
-def flags(done: Any) -> set[str]:
-    return {flag["name"] for flag in json.loads(done.stdout)[0]["quality"]}
-
-
-def test_steady_is_said_of_a_recording(data_dir: Path, tmp_path: Path) -> None:
-    path = tmp_path / "short.wav"
-    path.write_bytes(sound(51, seconds=0.6))
-    words = ("diagnose", path, "--json")
-    assert "too_short_for_motion" in flags(gearcase(*words, data_dir=data_dir))
-    assert "too_short_for_motion" not in flags(gearcase(*words, "--steady", data_dir=data_dir))
-    added = gearcase("cases", "add", path, "--label", "hum", "--steady", "--json", data_dir=tmp_path / "other")
-    assert added.code == 0, added.stderr
 
 
 class Told(Exception):

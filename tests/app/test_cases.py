@@ -1,16 +1,14 @@
 """Cases over HTTP: added once, changed by one at a time, paged without gaps."""
 
-import io
 import json
 import threading
 from collections.abc import Mapping
 
 import httpx
 import pytest
-import soundfile
 
 from benchmarks.harness.live import LiveServer
-from benchmarks.harness.sounds import RATE_HZ, hum, sound, wav
+from benchmarks.harness.sounds import hum, sound, wav
 
 CASES = "/api/v1/cases"
 
@@ -54,14 +52,6 @@ def test_same_sound_of_another_gearbox_or_label_is_a_conflict_that_names_the_cas
     assert answer.status_code == 409
     assert answer.json()["case"] == {"id": first["id"], "label": "normal", "gearbox": "g1"}
     assert first["id"] in answer.json()["detail"]
-
-
-def test_same_sound_in_another_container_is_the_case_that_is_there(admin: httpx.Client) -> None:
-    first = add(admin, sound(34), gearbox="g1").json()
-    flac = io.BytesIO()
-    soundfile.write(flac, hum(6.0, 34), RATE_HZ, format="FLAC", subtype="PCM_24")
-    answer = add(admin, flac.getvalue(), gearbox="g1")
-    assert (answer.status_code, answer.json()["id"]) == (200, first["id"])
 
 
 def test_idempotency_key_answers_the_same_bytes(admin: httpx.Client) -> None:

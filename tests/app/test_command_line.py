@@ -35,12 +35,6 @@ def data_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "data"
 
 
-def test_help_names_every_verb() -> None:
-    words = subprocess.run([sys.executable, "-m", "app", "--help"], capture_output=True, text=True, check=True).stdout
-    for verb in ("serve", "worker", "keys", "diagnose", "cases", "evaluate", "backup", "restore", "doctor"):
-        assert verb in words
-
-
 def test_help_imports_nothing_heavy() -> None:
     program = "import sys; from app.cli import run; run(['--help']); print(*sys.modules, file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
@@ -50,16 +44,8 @@ def test_help_imports_nothing_heavy() -> None:
 def test_service_imports_nothing_that_only_some_requests_need() -> None:
     program = "import sys, app.main; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert not {
-        "matplotlib",
-        "numba",
-        "scipy.stats",
-        "scipy.signal",
-        "scipy.interpolate",
-        "alembic",
-        "pyarrow",
-        "dbos",
-    } & set(done.stdout.split())
+    heavy = {"matplotlib", "numba", "scipy.stats", "scipy.signal", "scipy.interpolate", "alembic", "pyarrow", "dbos"}
+    assert not heavy & set(done.stdout.split())
 
 
 @pytest.mark.parametrize("before", [True, False])
@@ -132,11 +118,7 @@ def test_same_sound_as_a_known_fault_ends_with_3(data_dir: Path) -> None:
     assert found["neighbours"][0]["label"] == "notch"
     done = gearcase(*words, "--fail-on", "fault", data_dir=data_dir)
     assert (done.code == 3) == (found["label"] == "notch")
-
-
-def test_normal_sound_does_not_end_with_3(data_dir: Path) -> None:
-    known = data_dir.parent / "normal0.wav"
-    assert gearcase("diagnose", known, "--fail-on", "fault", data_dir=data_dir).code == 0
+    assert gearcase("diagnose", data_dir.parent / "normal0.wav", "--fail-on", "fault", data_dir=data_dir).code == 0
 
 
 def test_added_cases_are_listed(data_dir: Path) -> None:
@@ -210,16 +192,6 @@ def test_backup_comes_back_whole(data_dir: Path, tmp_path: Path) -> None:
     words = ("diagnose", data_dir.parent / "notch0.wav", "--gearbox", "g1", "--json")
     here, there = (json.loads(gearcase(*words, data_dir=each).stdout)[0] for each in (data_dir, copy))
     assert here["hypotheses"] == there["hypotheses"]
-
-
-def test_damaged_backup_changes_nothing(data_dir: Path, tmp_path: Path) -> None:
-    folder, copy = tmp_path / "backup", tmp_path / "copy"
-    gearcase("backup", folder, data_dir=data_dir)
-    next((folder / "audio").glob("??/*")).write_bytes(b"damaged")
-    done = gearcase("restore", folder, data_dir=copy)
-    assert done.code == 2
-    assert "not whole" in done.stderr
-    assert not copy.exists()
 
 
 @pytest.mark.parametrize("words", ["--json cases list", "cases --json list", "cases list --json"])

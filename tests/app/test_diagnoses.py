@@ -83,13 +83,6 @@ def test_answer_is_the_contract(operator: httpx.Client) -> None:
     assert "NaN" not in json.dumps(answer)
 
 
-def test_sound_of_a_case_is_nearest_to_that_case(operator: httpx.Client) -> None:
-    answer = diagnose(operator, sound(50, impacts=True)).json()
-    nearest = answer["neighbours"][0]
-    assert nearest["label"] == "notch"
-    assert nearest["distance"] == pytest.approx(0, abs=1e-3)
-
-
 def test_same_bytes_and_metadata_are_one_recording(operator: httpx.Client) -> None:
     first, again = (diagnose(operator, sound(9), gearbox="g9").json() for _ in range(2))
     assert first["recording"]["id"] == again["recording"]["id"]
@@ -169,15 +162,6 @@ def test_poor_recording_is_diagnosed_with_flags(operator: httpx.Client) -> None:
     answer = diagnose(operator, sound(15, seconds=0.4))
     assert answer.status_code == 201
     assert answer.json()["quality"]
-
-
-def test_example_of_the_shared_data(operator: httpx.Client, tmp_path: Path) -> None:
-    from tests.shared_data import shared
-
-    path = shared("data", "axis_recordings", "g00_notch_0.wav")
-    answer = diagnose(operator, path.read_bytes(), name=path.name, speed_rad_s=2.5, payload_kg_m2=40)
-    assert answer.status_code == 201
-    assert answer.json()["recording"]["duration_s"] == 20.0
 
 
 def test_when_a_notch_comes_is_said_as_a_time_of_the_cycle_and_no_angle(

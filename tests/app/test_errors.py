@@ -1,6 +1,7 @@
 """Every error is problem+json and says what was wrong and what would be right."""
 
 import json
+from typing import Any
 
 import httpx
 import numpy as np
@@ -24,20 +25,40 @@ def problem(answer: httpx.Response, status: int) -> dict[str, object]:
     return document
 
 
-def test_unknown_path(viewer: httpx.Client) -> None:
-    assert "/docs" in str(problem(viewer.get("/nowhere"), 404)["detail"])
+JSON, FORM = {"content-type": "application/json"}, {"content-type": "multipart/form-data; boundary=x"}
+FILE = {"file": ("a.wav", sound(1))}
+KEYS = "/api/v1/keys"
 
 
-def test_wrong_method_names_the_right_one(viewer: httpx.Client) -> None:
-    answer = viewer.put("/livez")
-    assert "GET" in str(problem(answer, 405)["detail"])
-    assert "GET" in answer.headers["allow"]
-
-
-def test_no_key(nobody: httpx.Client) -> None:
-    answer = nobody.get(CASES)
-    assert "Authorization" in str(problem(answer, 401)["detail"])
-    assert answer.headers["www-authenticate"].startswith("Bearer")
+@pytest.mark.parametrize(
+    ("role", "method", "path", "sent", "status", "words"),
+    [
+        ("viewer", "GET", "/nowhere", {}, 404, "/docs"),
+        ("viewer", "PUT", "/livez", {}, 405, "GET"),
+        (None, "GET", CASES, {}, 401, "Authorization"),
+        ("viewer", "POST", KEYS, {"json": {"name": "x", "role": "admin"}}, 403, "admin"),
+        ("viewer", "GET", f"{CASES}/{'0' * 32}", {}, 404, "0" * 32),
+        *(("admin", "GET", f"/api/v1/{noun}/zz", {}, 404, "zz") for noun in ("diagnoses", "cases", "jobs")),
+        ("admin", "GET", "/api/v1/investigations/zz", {}, 404, "zz"),
+        ("viewer", "GET", CASES, {"params": {"limit": 0}}, 422, "limit"),
+        ("viewer", "GET", CASES, {"params": {"cursor": "nonsense"}}, 422, ""),
+        ("admin", "POST", KEYS, {"content": b"{", "headers": JSON}, 422, "this is no JSON"),
+        ("admin", "POST", KEYS, {"json": {"name": "x", "role": "viewer", "colour": 1}}, 422, "colour"),
+        ("admin", "POST", CASES, {"content": sound(1), "headers": {"content-type": "audio/wav"}}, 415, "multipart"),
+        ("admin", "POST", CASES, {"files": {"sound": ("a.wav", sound(1))}}, 422, "'file'"),
+        ("admin", "POST", CASES, {"content": b"--x\r\n\r\nabc\r\n--x--\r\n", "headers": FORM}, 400, ""),
+        ("admin", "POST", CASES, {"files": FILE, "data": {f"field{number}": "1" for number in range(20)}}, 400, ""),
+        ("admin", "POST", CASES, {"files": FILE, "data": {"metadata": f'{{"notes": "{"x" * 70_000}"}}'}}, 400, ""),
+    ],
+)  # fmt: skip
+def test_what_is_asked_wrongly_is_refused_with_what_would_be_right(
+    live_server: LiveServer, role: str | None, method: str, path: str, sent: dict[str, Any], status: int, words: str
+) -> None:
+    with live_server.client(role) as client:
+        answer = client.request(method, path, **sent)
+    assert words in str(problem(answer, status)["detail"])
+    assert status != 405 or "GET" in answer.headers["allow"]
+    assert status != 401 or answer.headers["www-authenticate"].startswith("Bearer")
 
 
 @pytest.mark.parametrize("header", ["Bearer nonsense", "Bearer gearcase_" + "x" * 43, "Basic eDp5", "gearcase_x"])
@@ -45,67 +66,9 @@ def test_wrong_key(nobody: httpx.Client, header: str) -> None:
     problem(nobody.get(CASES, headers={"Authorization": header}), 401)
 
 
-def test_role_too_low_says_which_is_needed(viewer: httpx.Client) -> None:
-    detail = str(problem(viewer.post("/api/v1/keys", json={"name": "x", "role": "admin"}), 403)["detail"])
-    assert "admin" in detail
-    assert "viewer" in detail
-
-
-def test_unknown_id(viewer: httpx.Client) -> None:
-    assert "0" * 32 in str(problem(viewer.get(f"{CASES}/{'0' * 32}"), 404)["detail"])
-
-
-@pytest.mark.parametrize("path", ["diagnoses", "cases", "investigations", "jobs"])
-def test_word_that_is_no_id(admin: httpx.Client, path: str) -> None:
-    assert "zz" in str(problem(admin.get(f"/api/v1/{path}/zz"), 404)["detail"])
-
-
-def test_query_out_of_range(viewer: httpx.Client) -> None:
+def test_a_problem_says_where_it_is(viewer: httpx.Client) -> None:
     document = problem(viewer.get(CASES, params={"limit": 0}), 422)
     assert document["errors"][0]["location"] == "query.limit"  # type: ignore[index]
-
-
-def test_unknown_cursor(viewer: httpx.Client) -> None:
-    problem(viewer.get(CASES, params={"cursor": "nonsense"}), 422)
-
-
-def test_body_that_is_no_json(admin: httpx.Client) -> None:
-    headers = {"content-type": "application/json"}
-    document = problem(admin.post("/api/v1/keys", content=b"{", headers=headers), 422)
-    assert "this is no JSON" in str(document["detail"])
-    assert "names and texts in double quotes" in str(document["detail"])
-
-
-def test_unknown_key_of_a_json_document(admin: httpx.Client) -> None:
-    document = problem(admin.post("/api/v1/keys", json={"name": "x", "role": "viewer", "colour": 1}), 422)
-    assert "colour" in str(document["detail"])
-
-
-def test_upload_that_is_no_form(admin: httpx.Client) -> None:
-    headers = {"content-type": "audio/wav"}
-    assert "multipart" in str(problem(admin.post(CASES, content=sound(1), headers=headers), 415)["detail"])
-
-
-def test_form_without_file(admin: httpx.Client) -> None:
-    assert "'file'" in str(problem(admin.post(CASES, files={"sound": ("a.wav", sound(1))}), 422)["detail"])
-
-
-def test_form_that_is_broken(admin: httpx.Client) -> None:
-    headers = {"content-type": "multipart/form-data; boundary=x"}
-    problem(
-        admin.post(CASES, content=b"--x\r\nContent-Disposition: form-data\r\n\r\nabc\r\n--x--\r\n", headers=headers),
-        400,
-    )
-
-
-def test_form_with_too_many_parts(admin: httpx.Client) -> None:
-    fields = {f"field{number}": "1" for number in range(20)}
-    problem(admin.post(CASES, files={"file": ("a.wav", sound(1))}, data=fields), 400)
-
-
-def test_metadata_larger_than_its_limit(admin: httpx.Client) -> None:
-    data = {"metadata": '{"notes": "' + "x" * 70_000 + '"}'}
-    problem(admin.post(CASES, files={"file": ("a.wav", sound(1))}, data=data), 400)
 
 
 @pytest.mark.parametrize(

@@ -59,15 +59,7 @@ def test_the_worst_stands_first(service: Inside) -> None:
         ("Cannot say", "never heard"),
         ("Good", "arm, good"),
     ]
-    for words in (
-        "The newest recording sounds like backlash (play). How sure: 95\N{NO-BREAK SPACE}%.",
-        SECURED,
-        "Record it today",
-        "impacts in one direction of the motion have grown since about",
-        "The newest recording sounds like no known case, good or faulty",
-        "Nothing was recorded yet.",
-    ):
-        assert words in page
+    assert SECURED in page
 
 
 def test_whoever_is_signed_in_comes_to_the_fleet(service: Inside) -> None:
@@ -88,11 +80,6 @@ def test_only_what_changed_is_worked_out_again(service: Inside) -> None:
 def test_the_page_of_a_gearbox_has_all_of_it(service: Inside) -> None:
     page = service.browse("GET", "/axes/arm/gearboxes/worn").text
     assert SECURED in page
-    assert "Called likely since" in page
-    assert "The newest recording sounds like backlash (play). How sure: 95\N{NO-BREAK SPACE}%." in page
-    assert "a good gearbox gets there once in 1,000 recordings, or less often." in page
-    for title in ("Impacts at the reversal", "Impacts in one direction", "Crest factor below 200 Hz", "RMS and peak"):
-        assert title in page
     assert page.count('<td data-label="Recorded">') == 30
     assert service.browse("GET", "/axes/arm/gearboxes/nobody").status_code == 404
 

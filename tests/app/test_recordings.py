@@ -97,16 +97,6 @@ def test_spectrum_of_a_tone_has_its_line_and_level(viewer: httpx.Client, path: s
     assert found["level_db"][top] == pytest.approx(10 * np.log10(AMPLITUDE**2 / 2), abs=0.05)
 
 
-def test_crest_factor_of_a_tone_is_the_root_of_two(viewer: httpx.Client, path: str) -> None:
-    found = viewer.get(f"{path}/crest").json()
-    assert (found["whole_record"], found["mean"]) == pytest.approx((np.sqrt(2), np.sqrt(2)), rel=5e-3)
-    assert (found["window_s"], found["low_pass_hz"]) == (0.1, 200)
-    assert found["crest_factor"] == pytest.approx(np.full(40, np.sqrt(2)), rel=5e-3)
-    passed = AMPLITUDE / (1 + (FREQUENCY_HZ / 200) ** 8)
-    assert found["whole_rms"] == pytest.approx(passed / np.sqrt(2), rel=1e-3)
-    assert found["whole_peak"] == pytest.approx(passed, rel=5e-3)
-
-
 def test_crest_factor_is_that_of_the_one_definition(viewer: httpx.Client, path: str, content: bytes) -> None:
     samples, rate_hz = soundfile.read(io.BytesIO(content), dtype="float32")
     for window_s, low_pass_hz in ((0.1, 200), (0.25, 100), (0.003 + 0.1, 0)):

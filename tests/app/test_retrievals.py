@@ -18,7 +18,6 @@ from casebase.case_table import CaseTable
 from casebase.database import create_engine_for, sqlite_url
 from casebase.library import CaseLibrary
 from casebase.priors import prior_of
-from casebase.representation import weights_of
 from casebase.similarity import LIMIT, pooled_scales
 
 RETRIEVALS = "/api/v1/retrievals"
@@ -236,12 +235,6 @@ def test_filters(viewer: httpx.Client) -> None:
     assert found(origin="simulated") == []
 
 
-def test_longest_beginning_holds_whatever_the_order() -> None:
-    names = ("rms", "rms_low_pass_200_hz", "peak", "band_level_16_23_hz")
-    for instead in ({"": 0.0, "band": 2.0, "rms": 1.0}, {"rms": 1.0, "band": 2.0, "": 0.0}):
-        assert weights_of(names, "full", instead).tolist() == [1.0, 0.0, 0.0, 2.0]
-
-
 def test_command_says_what_the_service_says(server: LiveServer, viewer: httpx.Client, tmp_path: Path) -> None:
     path = tmp_path / "x.wav"
     path.write_bytes(sound(901, impacts=True))
@@ -272,9 +265,3 @@ def test_bad_words_end_with_2(server: LiveServer, tmp_path: Path, words: tuple[s
     done = gearcase("retrieve", path, *words, data_dir=server.data_dir)
     assert done.code == 2
     assert done.stderr.strip()
-
-
-def test_missing_and_broken_files_end_with_2(server: LiveServer, tmp_path: Path) -> None:
-    (tmp_path / "broken.wav").write_bytes(b"this is no sound")
-    for name in ("none.wav", "broken.wav"):
-        assert gearcase("retrieve", tmp_path / name, data_dir=server.data_dir).code == 2

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.web.log_preview import POINTS, levels, log_preview, shares
-from app.web.log_preview_worker import courses_of, remarks
+from app.web.log_preview import POINTS, levels, log_preview
+from app.web.log_preview_worker import courses_of
 from casebase.signals.errors import TelemetryError
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis_document import read_axis
@@ -35,18 +35,6 @@ def test_no_peak_is_lost_of_a_long_log() -> None:
     assert x[int(np.argmax(series[0]["y"]))] == pytest.approx(31.234, abs=0.1)
     assert series[1]["largest"] == pytest.approx(1.0)
     json.dumps(drawn, allow_nan=False)
-
-
-def test_what_stands_still_has_shares_of_nothing() -> None:
-    assert shares(np.zeros(3)) == [0.0, 0.0, 0.0]
-
-
-def test_a_log_without_torque_or_motion_says_what_is_missing() -> None:
-    time = np.arange(500) / 100
-    (alone,) = remarks(BODY, Telemetry(time, {"motor_position_rad": time}))
-    assert alone.startswith("Without motor_torque_nm")
-    (still,) = remarks(BODY, Telemetry(time, {"motor_torque_nm": time}))
-    assert still.startswith("Without motor_position_rad")
 
 
 def test_a_log_is_previewed_or_refused_as_it_would_be_read(tmp_path: Path) -> None:
