@@ -84,11 +84,6 @@ def test_both_engines_agree_on_drawn_axes(seed: int) -> None:
     assert [event[0] for event in one] == pytest.approx([event[0] for event in other], abs=1e-6)
 
 
-def test_the_solution_does_not_depend_on_the_sample_rate() -> None:
-    train = axis(d=200, b=1e-3)
-    assert difference(simulate(train, 10.0, 8000.0), simulate(train, 10.0, 1000.0), step=8) < 1e-9
-
-
 def test_the_error_of_a_long_damped_run_stays_small_at_any_rate() -> None:
     """Not one order of the step, but none: at a sixteenth of the rate the difference is rounding."""
     train = axis(40, d=1000, b=1e-3)

@@ -114,21 +114,6 @@ def test_eccentricity_moves_the_load_by_its_amplitude() -> None:
     assert np.hypot(found[0], found[1]) == pytest.approx(5e-4, rel=0.05)
 
 
-def test_gravity_is_carried_by_the_motor() -> None:
-    joint, plant, _ = _drawn(9, "two shafts")
-    motion = _to_and_fro(0.25 * joint.top_speed, 5.0, 1)
-    torque = 0.3 * joint.peak_torque * joint.ratio
-    good, bad = (
-        simulate(p, motion, 8.0, quantised=False)
-        for p in (_perfect(plant), replace(_perfect(plant), gravity=(torque, 0.4)))
-    )
-    steady = np.abs(good.motor_speed) > 0.24 * joint.top_speed * joint.ratio
-    change = (bad.motor_torque - good.motor_torque)[steady]
-    expected = torque / joint.ratio * np.sin(good.load_angle + 0.4)[steady]
-    assert np.corrcoef(change, expected)[0, 1] > 0.97
-    assert np.std(change) == pytest.approx(np.std(expected), rel=0.1)
-
-
 def _pair(effect: str, **recipe: object) -> tuple[Scenario, Scenario]:
     """Return a scenario with one effect and the same without it."""
     drawn = replace(draw_recipe(21, "sensor", (effect,), "strong", "two shafts", True), sound=False, **recipe)

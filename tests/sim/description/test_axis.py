@@ -110,14 +110,7 @@ def test_an_extended_axis_is_read_back_as_json(tmp_path: Path) -> None:
     path.write_text(json.dumps(PAPER_AXIS.to_mapping()))
     assert read_axis(path) == PAPER_AXIS
     path.write_text('{"motor": ')
-    with pytest.raises(AxisError, match="JSON"):
-        read_axis(path)
-
-
-def test_text_that_is_no_toml(tmp_path: Path) -> None:
-    path = tmp_path / "axis.toml"
-    path.write_bytes(b"[motor\n\xff")
-    with pytest.raises(AxisError, match=r"axis\.toml: this is no TOML"):
+    with pytest.raises(AxisError, match=r"axis\.json: .*JSON"):
         read_axis(path)
     with pytest.raises(AxisError, match="no such file"):
         read_axis(tmp_path / "none.toml")

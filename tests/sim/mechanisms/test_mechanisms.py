@@ -1,6 +1,6 @@
 """The contract of every mechanism, over the whole catalogue; and that each leaves the signature that it claims."""
 
-from collections.abc import Callable
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -21,31 +21,11 @@ from tests.sim.axes import axis
 
 Array = NDArray[np.float64]
 CONTRACT = [
-    "backlash",
-    "tooth_damage",
-    "eccentricity",
-    "mesh_error",
-    "kinematic_error",
-    "coulomb_friction",
-    "viscous_friction",
-    "stribeck_friction",
-    "friction_asymmetry",
-    "load_dependent_loss",
-    "friction_drift",
-    "gravity_imbalance",
-    "torque_ripple",
-    "stiffness_hardening",
-    "hysteresis",
-    "bearing_defect",
-    "structural_resonance",
-    "torque_offset",
-    "torque_gain",
-    "encoder_error",
-    "time_delay",
-    "electrical_hum",
-    "clipping",
-    "lost_samples",
-]
+    "backlash", "tooth_damage", "eccentricity", "mesh_error", "kinematic_error", "coulomb_friction", "viscous_friction",
+    "stribeck_friction", "friction_asymmetry", "load_dependent_loss", "friction_drift", "gravity_imbalance",
+    "torque_ripple", "stiffness_hardening", "hysteresis", "bearing_defect", "structural_resonance", "torque_offset",
+    "torque_gain", "encoder_error", "time_delay", "electrical_hum", "clipping", "lost_samples",
+]  # fmt: skip
 CONTRACT_PARAMETERS = {
     "backlash": "gap_rad",
     "tooth_damage": "angle_rad depth_rad flank",
@@ -112,9 +92,9 @@ def test_a_place_where_it_cannot_be_is_refused(kind: type[Mechanism]) -> None:
 
 
 @ALL
-def test_each_survives_the_axis_description(kind: type[Mechanism], tmp_path: object) -> None:
+def test_each_survives_the_axis_description(kind: type[Mechanism]) -> None:
     described = with_mechanism(PLAIN, kind())
-    again = read_axis(_toml(write_axis(described)))
+    again = read_axis(tomllib.loads(write_axis(described)))
     assert again == described
     assert mechanism_of(again.mechanisms[0]) == mechanism_of(described.mechanisms[0])
 
@@ -145,7 +125,10 @@ def test_it_is_a_pure_map(kind: type[Mechanics]) -> None:
 
 @pytest.mark.parametrize("kind", MEASUREMENTS, ids=lambda kind: kind.name)
 def test_a_measurement_is_distorted_by_its_size_alone(kind: type[Measurement]) -> None:
-    telemetry = _telemetry()
+    t = np.arange(4000) / RATE
+    one, half = np.sin(2 * np.pi * t), np.sin(np.pi * t)
+    channels = {"motor_torque_nm": 3.0 * one, "motor_position_rad": 50.0 * half, "load_position_rad": 0.5 * half}
+    telemetry = Telemetry(t, channels)
     sound = np.sin(np.arange(8000) * 0.3).astype(np.float32)
     nothing = kind(None, {kind.size: 0.0})
     same = nothing.distort(telemetry, PLAIN)
@@ -173,6 +156,12 @@ def _steady(speed: float, seconds: float) -> Array:
     """Angle, speed and acceleration of a motor that turns steadily, shape (3, n)."""
     t = np.arange(round(seconds * RATE)) / RATE
     return np.stack([speed * t, np.full(t.size, speed), np.zeros(t.size)])
+
+
+def _swing(amplitude: float, hertz: float, seconds: float = 4.0) -> tuple[Array, Array]:
+    """Times and a motor that swings, from the middle backwards; as `_steady`."""
+    t, omega = np.arange(round(seconds * RATE)) / RATE, 2 * np.pi * hertz
+    return t, amplitude * np.stack([-np.cos(omega * t), omega * np.sin(omega * t), omega**2 * np.cos(omega * t)])
 
 
 def _moved(chain: Chain, motion: Array) -> ChainResult:
@@ -292,21 +281,14 @@ def test_hardening_stiffens_with_the_twist() -> None:
 
 def test_hysteresis_keeps_its_torque_after_the_load_is_gone() -> None:
     """Twist forward and back to the same torque differs by the loop: lost motion without a gap."""
-    t = np.arange(8000) / RATE
-    swing = 40.0 * np.stack(
-        [-np.cos(2 * np.pi * t), 2 * np.pi * np.sin(2 * np.pi * t), 4 * np.pi**2 * np.cos(2 * np.pi * t)]
-    )
     kind = MECHANISMS["hysteresis"]
-    torque, _, _ = _residual(kind("output", {"torque_n_m": 30.0}), swing)
+    torque, _, _ = _residual(kind("output", {"torque_n_m": 30.0}), _swing(40.0, 1.0)[1])
     assert 0.1 < np.sqrt(np.mean(torque[2000:] ** 2)) < 3 * 30.0 / 99.0
     assert kind.signature.domain == "twist"
 
 
 def test_play_delays_the_load_at_each_reversal_only() -> None:
-    t = np.arange(8000) / RATE
-    swing = 60.0 * np.stack([-np.cos(np.pi * t), np.pi * np.sin(np.pi * t), np.pi**2 * np.cos(np.pi * t)])
-    play = MECHANISMS["backlash"]("output", {"gap_rad": 2e-3})
-    _, lag, _ = _residual(play, swing, HEAVY)
+    _, lag, _ = _residual(MECHANISMS["backlash"]("output", {"gap_rad": 2e-3}), _swing(60.0, 0.5)[1], HEAVY)
     forward, back = lag[4500:5500].mean(), lag[6500:7500].mean()
     assert back - forward == pytest.approx(2e-3 - 2e-5, rel=0.02)
     assert MECHANISMS["backlash"].signature.per_cycle == 2
@@ -314,9 +296,8 @@ def test_play_delays_the_load_at_each_reversal_only() -> None:
 
 def test_a_notch_comes_once_per_cycle_at_its_angle() -> None:
     """Back and forth over the tooth, the load dips when the damaged flank drives, and not on the way back."""
-    t = np.arange(16000) / RATE
-    angle, rate = 99.0 * 1.0, 0.5 * np.pi
-    swing = angle * np.stack([1 - np.cos(rate * t), rate * np.sin(rate * t), rate**2 * np.cos(rate * t)])
+    t, swing = _swing(99.0, 0.25, 8.0)
+    swing[0] += 99.0
     kind = MECHANISMS["tooth_damage"]
     _, lag, angles = _residual(kind("output", {"angle_rad": 1.0, "depth_rad": 1e-3, "flank": 1.0}), swing, HEAVY)
     dips = np.flatnonzero((lag[1:-1] < lag[:-2]) & (lag[1:-1] <= lag[2:]) & (lag[1:-1] < -5e-4)) + 1
@@ -327,16 +308,9 @@ def test_a_notch_comes_once_per_cycle_at_its_angle() -> None:
 
 
 def test_a_resonance_stays_at_its_frequency_whatever_the_speed() -> None:
-    t = np.arange(16000) / RATE
     peaks = []
     for speed in (1.0, 2.5):
-        swing = 20.0 * np.stack(
-            [
-                -np.cos(2 * np.pi * speed * t),
-                2 * np.pi * speed * np.sin(2 * np.pi * speed * t),
-                (2 * np.pi * speed) ** 2 * np.cos(2 * np.pi * speed * t),
-            ]
-        )
+        t, swing = _swing(20.0, speed, 8.0)
         kind = MECHANISMS["structural_resonance"]
         structure = kind("load", {"frequency_hz": 37.0, "share": 0.02, "damping_ratio": 0.003})
         chain = chain_of_axis(with_mechanism(PLAIN, structure))
@@ -347,20 +321,3 @@ def test_a_resonance_stays_at_its_frequency_whatever_the_speed() -> None:
         above = frequency > 30.0
         peaks.append(float(frequency[above][np.argmax(spectrum[above])]))
     np.testing.assert_allclose(peaks, 37.0 * np.sqrt(1 / (1 - 0.02)), rtol=0.02)
-
-
-def _telemetry() -> Telemetry:
-    t = np.arange(4000) / RATE
-    sine: Callable[[float], Array] = lambda f: np.sin(2 * np.pi * f * t)  # noqa: E731
-    channels = {
-        "motor_torque_nm": 3.0 * sine(1.0),
-        "motor_position_rad": 50.0 * sine(0.5),
-        "load_position_rad": 0.5 * sine(0.5),
-    }
-    return Telemetry(time_s=t, channels=channels)
-
-
-def _toml(text: str) -> dict[str, object]:
-    import tomllib
-
-    return tomllib.loads(text)

@@ -127,35 +127,16 @@ def test_a_joint_that_the_log_lacks_is_logged_or_held(tmp_path: Path) -> None:
     assert read_robot(path).held == {"base/turret": 0.3}
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--axis", "axis.toml"], "give --axis AXIS for one axis, or --robot ROBOT.toml"),
-        (["--sound", "s.wav"], "sound is investigated with an axis"),
-    ],
-)
-def test_a_robot_with_what_belongs_to_an_axis_is_wrong_usage(tmp_path: Path, words: list[str], said: str) -> None:
-    done = gearcase("investigate", *make(tmp_path), *words, data_dir=tmp_path / "data")
-    assert done.code == 2
-    assert said in " ".join(done.stderr.replace("│", " ").split())
+@pytest.mark.parametrize("words", [["--axis", "axis.toml"], ["--sound", "s.wav"]])
+def test_a_robot_with_what_belongs_to_an_axis_is_wrong_usage(tmp_path: Path, words: list[str]) -> None:
+    assert gearcase("investigate", *make(tmp_path), *words, data_dir=tmp_path / "data").code == 2
 
 
 def test_without_a_map_the_refusal_has_one(tmp_path: Path) -> None:
     done = gearcase("investigate", *make(tmp_path)[:4], data_dir=tmp_path / "data")
     assert done.code == 2
-    assert "its 7 columns have no names" in done.stderr
-    for line in (
-        'schema = "gearcase-channels/1"',
-        "motor_position_rad = {column = [..., ..., ...]",
-        "motor_torque_nm = {",
-    ):
+    for line in ('schema = "gearcase-channels/1"', "motor_position_rad = {column = [..., ..., ...]"):
         assert line in done.stderr
-
-
-def test_nothing_measured_is_refused(tmp_path: Path) -> None:
-    make(tmp_path)
-    with pytest.raises(InvestigationError, match="a robot needs telemetry of its joints"):
-        investigate_robot(read_robot(tmp_path / "robot.toml"), [])
 
 
 UR10E_MAP = """schema = "gearcase-channels/1"
@@ -172,24 +153,13 @@ factor = [10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232]
 UR10E = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
 
 
-def ur10e(folder: Path, *logs: str) -> dict[str, object]:
-    (folder / "map.toml").write_text(UR10E_MAP)
+def ur10e(folder: Path) -> Path:
+    """Write the robot's description and return it."""
     urdf = shared("data", "robots", "ur10e", "ur10e.urdf")
     (folder / "ur10e.urdf").write_bytes(urdf.read_bytes())
     joints = "".join(f'[[joints]]\nname = "{name}"\n' for name in UR10E)
     (folder / "robot.toml").write_text(f'schema = "gearcase-robot/1"\nurdf = "ur10e.urdf"\n{joints}')
-    files = [word for log in logs for word in ("--telemetry", str(urdf.parent / log))]
-    words = ["--robot", str(folder / "robot.toml"), "--channels", str(folder / "map.toml"), *files]
-    done = gearcase("investigate", *words, "--json", data_dir=folder / "data")
-    assert done.code == 0, done.stderr
-    document: dict[str, object] = json.loads(done.stdout)
-    return document
-
-
-def said(document: dict[str, object]) -> dict[tuple[str, str], dict[str, object]]:
-    findings = document["findings"]
-    assert isinstance(findings, list)
-    return {(f["mechanism"], f["location"]): f for f in findings if f["probability"] >= 0.9}
+    return folder / "robot.toml"
 
 
 @pytest.mark.slow
@@ -197,13 +167,18 @@ def said(document: dict[str, object]) -> dict[tuple[str, str], dict[str, object]
     ("log", "holds"), [("harmonics_20s.csv", 0.0), ("without_payload.csv", 0.0), ("with_payload.csv", 2.805)]
 )
 def test_friction_and_payload_of_a_real_arm(tmp_path: Path, log: str, holds: float) -> None:
-    found = said(ur10e(tmp_path, log))
+    (tmp_path / "map.toml").write_text(UR10E_MAP)
+    words = ["--robot", str(ur10e(tmp_path)), "--channels", str(tmp_path / "map.toml")]
+    words += ["--telemetry", str(shared("data", "robots", "ur10e", log)), "--json"]
+    done = gearcase("investigate", *words, data_dir=tmp_path / "data")
+    assert done.code == 0, done.stderr
+    findings = json.loads(done.stdout)["findings"]
+    found = {(f["mechanism"], f["location"]): f for f in findings if f["probability"] >= 0.9}
     assert {(m, joint) for m in FRICTION for joint in UR10E} <= set(found)
     assert (("payload", "payload") in found) == bool(holds)
     if holds:
-        parameters = found["payload", "payload"]["parameters"]
-        assert isinstance(parameters, list)
-        assert parameters[0]["low"] < holds < parameters[0]["high"]
+        mass = found["payload", "payload"]["parameters"][0]
+        assert mass["low"] < holds < mass["high"]
 
 
 GAINS = (10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232)  # N m per ampere
@@ -214,16 +189,11 @@ GAINS = (10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232)  # N m per ampere
 def test_unseen_torque_of_a_real_arm_is_told_as_well_as_by_least_squares(tmp_path: Path, log: str) -> None:
     """Of each joint: dry friction that turns over a share of its largest speed, viscous friction, offset and rotor, on
     the same rows and folds, of what the rigid body leaves of the torque."""
-    source = shared("data", "robots", "ur10e", log)
-    rows = np.loadtxt(source, delimiter=",")
-    (tmp_path / "ur10e.urdf").write_bytes((source.parent / "ur10e.urdf").read_bytes())
-    joints = "".join(f'[[joints]]\nname = "{name}"\n' for name in UR10E)
-    (tmp_path / "robot.toml").write_text(f'schema = "gearcase-robot/1"\nurdf = "ur10e.urdf"\n{joints}')
+    rows = np.loadtxt(shared("data", "robots", "ur10e", log), delimiter=",")
     channels = [{"motor_position_rad": rows[:, 1 + j], "motor_torque_nm": GAINS[j] * rows[:, 13 + j]} for j in range(6)]
     time_s = rows[:, 0] - rows[0, 0]
-    found = investigate_robot(
-        read_robot(tmp_path / "robot.toml"), [RobotLog(log, tuple(Telemetry(time_s, each) for each in channels))]
-    )
+    joints = tuple(Telemetry(time_s, each) for each in channels)
+    found = investigate_robot(read_robot(ur10e(tmp_path)), [RobotLog(log, joints)])
     for joint in found.joints:
         assert joint.investigation.gate is not None
         m = joint.investigation.gate.measurement

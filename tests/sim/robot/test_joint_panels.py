@@ -9,8 +9,7 @@ import numpy as np
 from casebase.signals.telemetry import Telemetry
 from sim.discrepancy.report.panels import AS_DESCRIBED, EXTENDED, MEASURED, Panel
 from sim.robot.investigation import RobotLog, investigate_robot
-from sim.robot.joint_panels import finding_panels, torque_panels
-from sim.robot.report import robot_report, robot_story
+from sim.robot.joint_panels import finding_panels
 from sim.robot.results import RobotInvestigation
 from tests.sim.robot.arms import Array, robot, swings, torque, two_links, with_mass
 
@@ -58,11 +57,6 @@ def test_friction_stands_over_the_speed_of_its_joint_in_its_units() -> None:
     np.testing.assert_allclose(made[np.isfinite(made)], VISCOUS * sliding.x[np.isfinite(made)], atol=0.3)
 
 
-def test_the_torques_of_a_sliding_joint_are_forces() -> None:
-    first, second = torque_panels(found())
-    assert (first.y_label, second.y_label) == ("torque at the joint [N m]", "force at the joint [N]")
-
-
 def test_numbers_of_a_sliding_joint_have_its_units() -> None:
     document = found().document()
     units = {(one.finding.mechanism, one.place): one.finding.parameters[0].unit for one in found().findings()}
@@ -78,17 +72,3 @@ def test_numbers_of_a_sliding_joint_have_its_units() -> None:
     assert isinstance(joints, list)
     assert isinstance(gains, list)
     assert [joint["unit"] for joint in joints] == [gain["unit"] for gain in gains] == ["N m", "N"]
-
-
-def test_page_and_report_show_each_finding_with_its_plot() -> None:
-    result = found()
-    document, story, report = result.document(), robot_story(result), robot_report(result)
-    findings, causes = document["findings"], story["causes"]
-    assert isinstance(findings, list)
-    assert isinstance(causes, list)
-    shown = [(findings[one["finding"]]["mechanism"], one["title"]) for one in causes]
-    assert len(shown) == len(findings) - 1  # a payload is shown by the torques of all joints
-    for mechanism, title in shown:
-        assert title.lower().startswith(mechanism.replace("_", " "))
-        assert f"<figcaption>{title}</figcaption>" in report
-    assert " of the motor [rad/s]" not in "".join(one["x_label"] for one in causes)

@@ -13,9 +13,7 @@ from sim.rotational.components import (
     IdealGear,
     Inertia,
     LossyGear,
-    OneWayClutch,
     Product,
-    Pulse,
     Ramp,
     Sine,
     Spring,
@@ -112,27 +110,3 @@ def friction() -> DriveTrain:
         inertia1=Inertia(J=1, phi=0, w=90),
     )
     return train.branch("torque.support", fixed=Fixed()).connect("brake.support", "fixed.flange")
-
-
-def coupled_clutches() -> DriveTrain:
-    return DriveTrain.series(
-        torque=Torque(Sine(amplitude=10, f=5)),
-        J1=Inertia(J=1, phi=0, w=10),
-        clutch1=Clutch(peak=1.1, fn_max=20, f_normalized=Sine(amplitude=1, f=0.2, phase=math.pi / 2)),
-        J2=Inertia(J=1, phi=0, w=0),
-        clutch2=Clutch(peak=1.1, fn_max=20, f_normalized=Step(startTime=0.4)),
-        J3=Inertia(J=1, phi=0, w=0),
-        clutch3=Clutch(peak=1.1, fn_max=20, f_normalized=Step(startTime=0.9)),
-        J4=Inertia(J=1, phi=0, w=0),
-    )
-
-
-def one_way_clutch() -> DriveTrain:
-    return DriveTrain.series(
-        torque=Torque(Sine(amplitude=10, f=3)),
-        inertiaIn=Inertia(J=1, phi=0, w=-0.5),
-        oneWayClutch=OneWayClutch(
-            peak=25, fn_max=3, f_normalized=Pulse(amplitude=1, width=50, period=1.3, startTime=0.3)
-        ),
-        inertiaOut=Inertia(J=1, phi=0, w=0),
-    )

@@ -5,111 +5,36 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+import sim.rotational.components as parts
 from sim.piecewise_affine.system import System
 from sim.rotational.component import Component, Signal
-from sim.rotational.components import (
-    COMPONENTS,
-    Accelerate,
-    AccSensor,
-    AngleSensor,
-    BearingFriction,
-    Brake,
-    Clutch,
-    Constant,
-    ConstantSpeed,
-    ConstantTorque,
-    Damper,
-    Disc,
-    ElastoBacklash,
-    ElastoBacklash2,
-    ExpSine,
-    Fixed,
-    IdealGear,
-    IdealGearR2T,
-    IdealPlanetary,
-    IdealRollingWheel,
-    Inertia,
-    LinearSpeedDependentTorque,
-    LossyGear,
-    Mass,
-    Move,
-    MultiSensor,
-    OneWayClutch,
-    Position,
-    PowerSensor,
-    Product,
-    Pulse,
-    Ramp,
-    RelAccSensor,
-    RelAngleSensor,
-    RelativeStates,
-    RelSpeedSensor,
-    Sampled,
-    Sine,
-    Speed,
-    SpeedSensor,
-    Spring,
-    SpringDamper,
-    Step,
-    Torque,
-    Torque2,
-    TorqueSensor,
-    TorqueStep,
-)
 from sim.rotational.drive_train import DriveTrain
 from sim.solver import simulate
 
-SINE = Sine(amplitude=2.0, f=3.0)
-SPECIMENS: dict[type[Component], Component] = {
-    Inertia: Inertia(J=2),
-    Spring: Spring(c=100),
-    Damper: Damper(d=1),
-    SpringDamper: SpringDamper(c=100, d=1),
-    ElastoBacklash: ElastoBacklash(c=100, d=1, b=0.01),
-    ElastoBacklash2: ElastoBacklash2(c=100, d=1, b=0.01),
-    IdealGear: IdealGear(ratio=-3),
-    IdealPlanetary: IdealPlanetary(ratio=1.5),
-    LossyGear: LossyGear(ratio=3, lossTable=[[0, 0.9, 0.8, 0.1, 0.2]]),
-    BearingFriction: BearingFriction(tau_pos=[[0, 0.1], [1, 0.2]], peak=1.2),
-    Brake: Brake(fn_max=1),
-    Clutch: Clutch(fn_max=1, f_normalized=SINE),
-    OneWayClutch: OneWayClutch(fn_max=1),
-    Fixed: Fixed(),
-    Torque: Torque(SINE),
-    Torque2: Torque2(SINE),
-    ConstantTorque: ConstantTorque(1),
-    TorqueStep: TorqueStep(1, startTime=0.1),
-    LinearSpeedDependentTorque: LinearSpeedDependentTorque(-1, 10),
-    Position: Position(SINE),
-    Speed: Speed(SINE),
-    ConstantSpeed: ConstantSpeed(1),
-    Accelerate: Accelerate(SINE),
-    Move: Move(SINE, SINE, SINE),
-    Disc: Disc(deltaPhi=0.3),
-    RelativeStates: RelativeStates(),
-    IdealGearR2T: IdealGearR2T(ratio=4),
-    IdealRollingWheel: IdealRollingWheel(radius=0.3),
-    Mass: Mass(m=2),
-    AngleSensor: AngleSensor(),
-    SpeedSensor: SpeedSensor(),
-    AccSensor: AccSensor(),
-    RelAngleSensor: RelAngleSensor(),
-    RelSpeedSensor: RelSpeedSensor(),
-    RelAccSensor: RelAccSensor(),
-    TorqueSensor: TorqueSensor(),
-    PowerSensor: PowerSensor(),
-    MultiSensor: MultiSensor(),
-}
+SINE = parts.Sine(amplitude=2.0, f=3.0)
+SPECIMENS = {type(part): part for part in (
+    parts.Inertia(J=2), parts.Spring(c=100), parts.Damper(d=1), parts.SpringDamper(c=100, d=1),
+    parts.ElastoBacklash(c=100, d=1, b=0.01), parts.ElastoBacklash2(c=100, d=1, b=0.01), parts.IdealGear(ratio=-3),
+    parts.IdealPlanetary(ratio=1.5), parts.LossyGear(ratio=3, lossTable=[[0, 0.9, 0.8, 0.1, 0.2]]),
+    parts.BearingFriction(tau_pos=[[0, 0.1], [1, 0.2]], peak=1.2), parts.Brake(fn_max=1),
+    parts.Clutch(fn_max=1, f_normalized=SINE), parts.OneWayClutch(fn_max=1), parts.Fixed(), parts.Torque(SINE),
+    parts.Torque2(SINE), parts.ConstantTorque(1), parts.TorqueStep(1, startTime=0.1),
+    parts.LinearSpeedDependentTorque(-1, 10), parts.Position(SINE), parts.Speed(SINE), parts.ConstantSpeed(1),
+    parts.Accelerate(SINE), parts.Move(SINE, SINE, SINE), parts.Disc(deltaPhi=0.3), parts.RelativeStates(),
+    parts.IdealGearR2T(ratio=4), parts.IdealRollingWheel(radius=0.3), parts.Mass(m=2), parts.AngleSensor(),
+    parts.SpeedSensor(), parts.AccSensor(), parts.RelAngleSensor(), parts.RelSpeedSensor(), parts.RelAccSensor(),
+    parts.TorqueSensor(), parts.PowerSensor(), parts.MultiSensor(),
+)}  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", COMPONENTS, ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("kind", parts.COMPONENTS, ids=lambda kind: kind.__name__)
 def test_a_component_keeps_to_its_contract(kind: type[Component]) -> None:
     """It simulates between two driven shafts, its channels have units, its flange torques sum to the inertia's."""
     part = SPECIMENS[kind]
-    train = DriveTrain.series(torque=Torque(SINE), left=Inertia(J=1), part=part)
+    train = DriveTrain.series(torque=parts.Torque(SINE), left=parts.Inertia(J=1), part=part)
     through = [flange for flange in part.flanges if flange not in part.grounded]
     for i, flange in enumerate(through[1:]):
-        train = train.add(f"right{i}", Inertia(J=1), flange_a=f"part.{flange}")
+        train = train.add(f"right{i}", parts.Inertia(J=1), flange_a=f"part.{flange}")
     result = simulate(train, 0.5, 200.0)
     assert kind.__doc__
     for name in (name for name in result.channels if name.startswith("part.")):
@@ -117,7 +42,7 @@ def test_a_component_keeps_to_its_contract(kind: type[Component]) -> None:
         assert np.all(np.isfinite(result[name]))
 
 
-STEADY = [kind for kind, part in SPECIMENS.items() if kind not in (Inertia, Mass, Fixed)]
+STEADY = [kind for kind, part in SPECIMENS.items() if kind not in (parts.Inertia, parts.Mass, parts.Fixed)]
 
 
 @pytest.mark.parametrize("kind", STEADY, ids=lambda kind: kind.__name__)
@@ -127,7 +52,7 @@ def test_torques_of_a_component_are_in_balance(kind: type[Component]) -> None:
     A gear has its support for that; an inertia stores, a brake or bearing has its support.
     """
     part = SPECIMENS[kind]
-    system = System(DriveTrain({"part": part, "wall": Fixed()}, (("part." + part.flanges[-1], "wall.flange"),)))
+    system = System(DriveTrain({"part": part, "wall": parts.Fixed()}, (("part." + part.flanges[-1], "wall.flange"),)))
     for piece in system.pieces[0]:
         total = sum(piece.branch.torques.values())
         if set(part.flanges) <= set(piece.branch.torques):
@@ -135,14 +60,14 @@ def test_torques_of_a_component_are_in_balance(kind: type[Component]) -> None:
 
 
 SIGNALS: list[Signal] = [
-    Constant(3.0),
-    Sine(2.0, 3.0, phase=0.4, offset=1.0, startTime=0.31),
-    ExpSine(2.0, 3.0, phase=0.4, offset=1.0, startTime=0.31, damping=1.7),
-    Step(2.0, 1.0, 0.5),
-    Ramp(3.0, 0.7, -1.0, 0.2),
-    Pulse(2.0, 0.3, 40, 1.0, 0.1),
-    Sampled(np.array([0.0, 2.0, -1.0, 4.0]), 3.0, startTime=0.2),
-    Product(Sine(2.0, 3.0, offset=0.5), Step(-1.0, 1.0, 0.6)),
+    parts.Constant(3.0),
+    parts.Sine(2.0, 3.0, phase=0.4, offset=1.0, startTime=0.31),
+    parts.ExpSine(2.0, 3.0, phase=0.4, offset=1.0, startTime=0.31, damping=1.7),
+    parts.Step(2.0, 1.0, 0.5),
+    parts.Ramp(3.0, 0.7, -1.0, 0.2),
+    parts.Pulse(2.0, 0.3, 40, 1.0, 0.1),
+    parts.Sampled(np.array([0.0, 2.0, -1.0, 4.0]), 3.0, startTime=0.2),
+    parts.Product(parts.Sine(2.0, 3.0, offset=0.5), parts.Step(-1.0, 1.0, 0.6)),
 ]
 
 
