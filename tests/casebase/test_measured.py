@@ -8,19 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from casebase.case_filter import CaseFilter
 from casebase.case_table import CaseTable, load_table
 from casebase.description import Labelling, RecordingDescription
 from casebase.diagnosis import Reasoner
 from casebase.evaluation import Evaluation, evaluate
 from casebase.library import CaseLibrary
-from casebase.models import StoredDiagnosis
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.decode import read_recording
 from casebase.signals.features import EXTRACTOR_VERSION, extract
 from tests.shared_data import shared
-
-HELD_OUT = "g02"
 
 
 @pytest.fixture(scope="module")
@@ -104,36 +100,6 @@ def test_most_are_said_right_and_none_wrong(table: CaseTable, boxes: int, least:
     said = [right for verdict, right in said_by(table, boxes) if verdict == "diagnosed"]
     assert sum(said) >= least
     assert all(said)
-
-
-def test_a_diagnosis_of_a_real_recording_says_why(filled: CaseLibrary) -> None:
-    """Retire all cases of one gearbox, diagnose its recordings, and bring the cases back."""
-    with filled.transaction("admin") as session:
-        cases = list(filled.retrieve.cases(session, CaseFilter(gearbox=HELD_OUT)).items)
-        for case in cases:
-            filled.revise.retire(session, case.id)
-    found = [diagnose_again(filled, case.recording_id) for case in cases]
-    assert [each.label for each in found] == [case.label for case in cases]
-    for each in found:
-        units = {str(item["unit"]) for item in each.document["evidence"]}  # type: ignore[attr-defined]
-        assert {"dB", "s"} <= units
-        words = " ".join(str(item["statement"]) for item in each.document["evidence"])  # type: ignore[attr-defined]
-        assert "_" not in words
-        assert " hz" not in words
-        gearboxes = each.document["provenance"]["gearboxes"]  # type: ignore[index]
-        assert gearboxes == 4
-    with filled.transaction("admin") as session:
-        for case in cases:
-            filled.revise.restore(session, case.id)
-
-
-def diagnose_again(library: CaseLibrary, recording_id: str) -> StoredDiagnosis:
-    """Read a stored recording's audio and diagnose it."""
-    with library.transaction("operator") as session:
-        row = library.retrieve.recording(session, recording_id)
-        recording = read_recording(library.retrieve.audio_path(row))
-        condition = OperatingCondition(speed_rad_s=row.speed_rad_s, payload_kg_m2=row.payload_kg_m2)
-        return library.reuse.diagnose(session, row, extract(recording, condition))
 
 
 def test_libraries_whose_gearboxes_nobody_noted_do_as_well(table: CaseTable) -> None:

@@ -47,7 +47,7 @@ def test_noise_without_quiet_is_left_whole(seed: int) -> None:
 
 @pytest.mark.parametrize("level_db", [-200.0, -60.0, -30.0, -15.0])
 @pytest.mark.parametrize("seconds", [1.0, 3.0, 15.0, 60.0])
-def test_silence_before_leaves_the_same_piece(seconds: float, level_db: float) -> None:
+def test_silence_before_and_after_leaves_the_same_piece(seconds: float, level_db: float) -> None:
     """At any level from that of the standstill down, and any length."""
     segments = divided(quiet(seconds, level_db), loudness())
     assert segments.machine.start_s == pytest.approx(seconds + MARGIN_S, abs=WITHIN_S)
@@ -56,11 +56,6 @@ def test_silence_before_leaves_the_same_piece(seconds: float, level_db: float) -
     assert silence.start_s == 0.0
     assert silence.end_s == pytest.approx(seconds, abs=WITHIN_S)
     assert segments.pauses == segments.others == ()
-
-
-@pytest.mark.parametrize("level_db", [-200.0, -60.0, -30.0, -15.0])
-@pytest.mark.parametrize("seconds", [1.0, 3.0, 15.0, 60.0])
-def test_silence_after_leaves_the_same_piece(seconds: float, level_db: float) -> None:
     segments = divided(loudness(), quiet(seconds, level_db))
     assert segments.machine.start_s == 0.0
     assert segments.machine.end_s == pytest.approx(DURATION_S - MARGIN_S, abs=WITHIN_S)

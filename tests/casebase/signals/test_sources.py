@@ -337,8 +337,6 @@ def test_wav_files_from_the_field_are_their_sound_twin(name: str, count: int, mi
 @pytest.mark.parametrize(
     ("name", "count"),
     [
-        ("10-valid-flac-called-damaged/32_flac_id3v2.flac", 960_000),
-        ("10-valid-flac-called-damaged/33_flac_id3v1_tail.flac", 960_000),
         ("10-valid-flac-called-damaged/mm-test-unknown-duration.flac", 220_500),
         ("11-lossless-called-lossy/42_alac.m4a", 960_000),
         ("11-lossless-called-lossy/45_flac.ogg", 960_000),
@@ -349,18 +347,6 @@ def test_lossless_files_from_the_field_are_read_whole(name: str, count: int) -> 
     recording = read_recording(shared(*FIELD, *name.split("/")))
     assert recording.samples.size == count
     assert recording.source.lossy is None
-
-
-@pytest.mark.parametrize("name", ["90_ch0_dead_zero", "91_ch0_dead_hum", "92_ch0_noise_floor"])
-def test_the_live_channel_of_files_from_the_field_is_the_sound_twin(name: str) -> None:
-    recording = read_recording(shared(*FIELD, "12-dead-first-channel", f"{name}.wav"))
-    assert recording.channel == 1
-    np.testing.assert_allclose(recording.samples, read_recording(shared(*TWIN)).samples, atol=2**-14)
-
-
-def test_a_wrong_tag_from_the_field_is_unusable() -> None:
-    recording = read_recording(shared(*FIELD, "17-wrong-tags", "23_float_declared_int.wav"))
-    assert severities(recording)["wrong_tag"] is Severity.UNUSABLE
 
 
 def test_accelerometers_beside_each_other_keep_the_first_channel() -> None:

@@ -144,26 +144,16 @@ def test_what_is_left_out_leaves_the_features_as_they_were(label: str) -> None:
     assert np.nanmedian(moved) < 0.5 * np.nanmedian(scatter)
 
 
-def hissed() -> tuple[np.ndarray, float, float]:
-    """Return a sound of eight strokes, one of them under loud noise, and when that begins and ends."""
+def test_a_stroke_under_loud_noise_is_one_event_of_its_length_and_no_knock() -> None:
     joint = Joint(seed=10, duration_s=8 * STROKE_S, start_s=STROKE_S / 2)
     samples = sound(joint).astype(np.float64)
     start, end = (round((joint.start_s + stroke * STROKE_S) * RATE_HZ) for stroke in (2, 3))
     samples[start:end] += 0.3 * np.random.default_rng(1).normal(size=end - start)
-    return samples, start / RATE_HZ, end / RATE_HZ
-
-
-def test_share_is_that_of_the_time_in_which_it_differs() -> None:
-    samples, start_s, end_s = hissed()
     found = of(samples)
     assert list(found.share.values()) == [pytest.approx(1 / 8, abs=0.02)] * 3
     (event,) = found.events
-    assert event.span.start_s == pytest.approx(start_s, abs=0.1)
-    assert event.span.end_s == pytest.approx(end_s, abs=0.15)
-
-
-def test_what_lasts_a_stroke_is_no_knock() -> None:
-    (event,) = of(hissed()[0]).events
+    assert event.span.start_s == pytest.approx(start / RATE_HZ, abs=0.1)
+    assert event.span.end_s == pytest.approx(end / RATE_HZ, abs=0.15)
     assert not event.knock
 
 
