@@ -53,7 +53,7 @@ check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python tests/check_lock.py
+	$(BIN)/python .ci/check_lock.py
 
 # the tools that make the lock are not needed to use it: python3 -m pip install uv
 LOCK := uv pip compile pyproject.toml --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate --python-version 3.11 --quiet
