@@ -1,12 +1,13 @@
 """Coulomb friction: stuck, sliding forward or backward, and free when nothing presses (Modelica's PartialFriction)."""
 
-from collections.abc import Callable
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from sim.errors import number
 from sim.laws import friction
-from sim.rotational.component import BACKWARD, FORWARD, FREE, STUCK, Row, Variables
+from sim.rotational.component import BACKWARD, FORWARD, FREE, STUCK, Branch, Component, Row, Variables
 from sim.rotational.components.tables import SpeedTable
 
 
@@ -61,6 +62,53 @@ def sliding_torques(table: SpeedTable, v: Variables, speed: Row, factor: Row, ga
         at_rest, at_one = (friction(level, level, slope, slope, 0.0, 1.0, 2.0, 0.0, w, 1.0, 0.0) for w in (0.0, 1.0))
         out.append(Sliding(at_rest * factor + (at_one - at_rest) * gain * speed, line.holds(v, speed)))
     return out
+
+
+class SupportFriction(Component):
+    """Friction of a shaft against its support: phi_a = phi_b, tau_a + tau_b = tau."""
+
+    peak: float
+
+    flanges: ClassVar[tuple[str, ...]] = ("flange_a", "flange_b", "support")
+    grounded: ClassVar[tuple[str, ...]] = ("support",)
+    units: ClassVar[Mapping[str, str]] = {"phi": "rad", "w": "rad/s", "tau": "N.m", "lossPower": "W", "mode": "1"}
+
+    @property
+    def unknowns(self) -> int:
+        return 2
+
+    def kinematics(self, v: Variables) -> tuple[Row, ...]:
+        return (v.phi_rel,)
+
+    @abstractmethod
+    def torques_at(self, v: Variables, speed: Row) -> list[Sliding]:
+        """Return the pieces of the sliding torque at the row |w|."""
+
+    def pressing(self, v: Variables) -> Row | None:
+        """Return the normal force times geometry [N.m] that a signal sets; None where friction is always there."""
+        return None
+
+    def branches(self, v: Variables) -> tuple[Branch, ...]:
+        through, tau, pressing = v.unknown(0), v.unknown(1), self.pressing(v)
+        phi, w, a = (row("flange_a") - row("support") for row in (v.phi, v.w, v.a))
+        pieces = friction_pieces(v, tau, w, a, lambda speed: self.torques_at(v, speed), self.peak, pressing)
+        return tuple(
+            Branch(
+                torques={"flange_a": through, "flange_b": tau - through, "support": -tau},
+                equations=(piece.equation,),
+                holds=piece.holds,
+                strict=piece.strict,
+                stops=piece.stops,
+                mode=piece.mode,
+                channels={"phi": phi, "w": w, "tau": tau, **self.more_channels(v)},
+                powers={"lossPower": (tau, w)},
+            )
+            for piece in pieces
+        )
+
+    def more_channels(self, v: Variables) -> Mapping[str, Row]:
+        """Return channels that only this kind has."""
+        return {}
 
 
 def check_peak(name: str, peak: object) -> float:
