@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from sim.rotational.component import Row, Variables
-from sim.rotational.components.sliding import SupportFriction, Sliding, check_peak, sliding_torques
+from sim.rotational.components.sliding import Sliding, SupportFriction, check_peak, sliding_torques
 from sim.rotational.components.tables import SpeedTable, speed_table
 
 
