@@ -68,8 +68,7 @@ class Backlash(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return meshes(axis)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        place = self.placed(axis_of(train))
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         name = place if place in train.components and axis_of(train).stages else "coupling"
         part = train[name]
         if not isinstance(part, ElastoBacklash):

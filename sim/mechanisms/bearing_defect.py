@@ -7,7 +7,7 @@ from sim.chain.components import MeshLine, TorqueRipple
 from sim.description.axis import Axis
 from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
-from sim.mechanisms.places import axis_of, shaft_name, unused_name
+from sim.mechanisms.places import shaft_name, unused_name
 from sim.rotational.drive_train import DriveTrain
 
 HARMONICS = 5
@@ -55,10 +55,7 @@ class BearingDefect(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return axis.locations
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        place = self.placed(axis_of(train))
-        if self["torque_n_m"] == 0:
-            return train
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         lines = tuple(
             MeshLine(k * self["order"], self["torque_n_m"], k * self["phase_rad"]) for k in range(1, HARMONICS + 1)
         )

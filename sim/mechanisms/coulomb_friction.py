@@ -41,8 +41,7 @@ class CoulombFriction(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return ends(axis)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        place = self.placed(axis_of(train))
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         old = friction_at(train, place)
         more = self["torque_n_m"] * axis_of(train).ratio_from("motor") / axis_of(train).ratio_from(place)
         back = None if old.coulomb_backward is None else old.coulomb_backward + more

@@ -6,7 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import SECURED, Mechanics, Need, Parameter, Signature
-from sim.mechanisms.places import axis_of, stage_at, wheels, with_error
+from sim.mechanisms.places import stage_at, wheels, with_error
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
@@ -58,8 +58,5 @@ class Eccentricity(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return wheels(axis)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        place = self.placed(axis_of(train))
-        if self["amplitude_rad"] == 0:
-            return train
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         return with_error(train, place, 1.0, self["amplitude_rad"], self["phase_rad"])

@@ -53,9 +53,8 @@ class FrictionAsymmetry(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:
         return (None, *ends(axis))
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         axis = axis_of(train)
-        place = self.placed(axis)
         if place:
             return _with(train, place, self["torque_n_m"], self["coefficient_n_m_s_per_rad"])
         present = [friction_at(train, end) for end in ends(axis)]

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
-from sim.mechanisms.places import axis_of, friction_at, with_friction
+from sim.mechanisms.places import friction_at, with_friction
 from sim.mechanisms.traits import WARMED, Traits
 from sim.rotational.drive_train import DriveTrain
 
@@ -42,10 +42,7 @@ class FrictionDrift(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:
         return (None, "motor", "load")
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        place = self.placed(axis_of(train))
-        if self["rate_per_s"] == 0:
-            return train
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         for end in (place,) if place else ("motor", "load"):
             old = friction_at(train, end)
             if old.coulomb or old.viscous or old.stribeck:

@@ -7,7 +7,7 @@ from sim.chain.components import Gravity
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
-from sim.mechanisms.places import axis_of, shaft_name, unused_name
+from sim.mechanisms.places import shaft_name, unused_name
 from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
 
@@ -48,9 +48,6 @@ class GravityImbalance(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return ("load",)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        self.placed(axis_of(train))
-        if self["torque_n_m"] == 0:
-            return train
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         arm = Gravity(self["torque_n_m"], self["phase_rad"])
         return train.add(unused_name(train, "gravity"), arm, flange=f"{shaft_name(train, 'load')}.flange_b")

@@ -6,7 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import SECURED, Mechanics, Need, Parameter, Signature
-from sim.mechanisms.places import axis_of, gear_mesh, meshes
+from sim.mechanisms.places import gear_mesh, meshes
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
@@ -57,10 +57,7 @@ class Hysteresis(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return meshes(axis)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        place = self.placed(axis_of(train))
-        if self[self.size] == 0:
-            return train
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         name, mesh = gear_mesh(train, place)
         return train.replace(
             name, replace(mesh, hysteresis=mesh.hysteresis + self["torque_n_m"], hysteresis_width=self["width_rad"])

@@ -6,7 +6,7 @@ from sim.chain.model import with_loss
 from sim.description.axis import Axis
 from sim.errors import CompositionError
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
-from sim.mechanisms.places import axis_of, stage_names
+from sim.mechanisms.places import stage_names
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.components import IdealGear, LossyGear
 from sim.rotational.drive_train import DriveTrain
@@ -40,11 +40,8 @@ class LoadDependentLoss(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return stage_names(axis)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        name = f"{self.placed(axis_of(train))}_gear"
-        fraction = self["fraction"]
-        if fraction == 0:
-            return train
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
+        name, fraction = f"{place}_gear", self["fraction"]
         gear = train[name]
         if isinstance(gear, IdealGear):
             return train.replace(name, LossyGear(gear.ratio, [0, *with_loss((1.0, 1.0), fraction), 0, 0]))

@@ -22,6 +22,7 @@ from sim.description.axis import Axis, MechanismEntry
 from sim.errors import ParameterError, near_match
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.heard import Heard
+from sim.mechanisms.places import axis_of
 from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
 
@@ -232,9 +233,14 @@ class Mechanism(ABC):
 class Mechanics(Mechanism):
     """An effect in the machine."""
 
-    @abstractmethod
     def apply(self, train: DriveTrain) -> DriveTrain:
         """Return the train with the effect; `train.axis` says what stands where."""
+        place = self.placed(axis_of(train))
+        return self.act(train, place) if any(self[size] for size in self.sizes()) else train
+
+    @abstractmethod
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
+        """Return the train with an effect that is not 0 at a place, an empty one where it is of the whole axis."""
 
 
 class Measurement(Mechanism):

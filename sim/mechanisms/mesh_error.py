@@ -65,10 +65,7 @@ class MeshError(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return stage_names(axis)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        place = self.placed(axis_of(train))
-        if self["amplitude_rad"] == 0:
-            return train
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         order = float(teeth(axis_of(train), place))
         train = with_error(train, place, order, self["amplitude_rad"], self["phase_rad"])
         if self["second_amplitude_rad"] == 0:

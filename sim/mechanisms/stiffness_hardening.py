@@ -6,7 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
-from sim.mechanisms.places import axis_of, gear_mesh, meshes
+from sim.mechanisms.places import gear_mesh, meshes
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
@@ -44,9 +44,6 @@ class StiffnessHardening(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return meshes(axis)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        place = self.placed(axis_of(train))
-        if self[self.size] == 0:
-            return train
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         name, mesh = gear_mesh(train, place)
         return train.replace(name, replace(mesh, cubic=mesh.cubic + self["cubic_per_rad2"]))

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
-from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
+from sim.mechanisms.places import ends, friction_at, with_friction
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
@@ -48,10 +48,7 @@ class StribeckFriction(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return ends(axis)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        place = self.placed(axis_of(train))
-        if self["torque_n_m"] == 0:
-            return train
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         old = friction_at(train, place)
         changes = {"stribeck_speed": self["speed_rad_s"], "stribeck_exponent": self["exponent"]}
         return with_friction(train, place, replace(old, stribeck=old.stribeck + self["torque_n_m"], **changes))

@@ -7,7 +7,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
-from sim.mechanisms.places import axis_of, inertia, shaft_name, unused_name
+from sim.mechanisms.places import inertia, shaft_name, unused_name
 from sim.mechanisms.traits import Traits
 from sim.rotational.components import Inertia, SpringDamper
 from sim.rotational.drive_train import DriveTrain
@@ -60,10 +60,7 @@ class StructuralResonance(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return ("load",)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        self.placed(axis_of(train))
-        if self["share"] == 0:
-            return train
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         name = shaft_name(train, "load")
         load = inertia(train, name)
         part = load.J * self["share"]

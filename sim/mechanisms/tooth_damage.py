@@ -78,10 +78,7 @@ class ToothDamage(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return wheels(axis)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        place = self.placed(axis_of(train))
-        if self["depth_rad"] == 0:
-            return train
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         name, mesh = gear_mesh(train, place)
         width = self["width_rad"] or 2 * math.pi / teeth(axis_of(train), place)
         wheel: Wheel = "driver" if place == "motor" else "driven"

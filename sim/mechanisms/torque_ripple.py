@@ -6,7 +6,7 @@ from typing import ClassVar
 from sim.chain.components import MeshLine, TorqueRipple
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import SECURED, Mechanics, Parameter, Signature
-from sim.mechanisms.places import axis_of, unused_name
+from sim.mechanisms.places import unused_name
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
@@ -45,9 +45,6 @@ class TorqueRippleOfMotor(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return ("motor",)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        self.placed(axis_of(train))
-        if self["torque_n_m"] == 0:
-            return train
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         ripple = TorqueRipple((MeshLine(self["order"], self["torque_n_m"], self["phase_rad"]),))
         return train.add(unused_name(train, "torque_ripple"), ripple, flange="motor.flange_a")

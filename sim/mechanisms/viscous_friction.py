@@ -42,8 +42,7 @@ class ViscousFriction(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return ends(axis)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        place = self.placed(axis_of(train))
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         old = friction_at(train, place)
         ratio = axis_of(train).ratio_from("motor") / axis_of(train).ratio_from(place)
         more = self["coefficient_n_m_s_per_rad"] * ratio**2
