@@ -16,7 +16,7 @@ from app.report.charts import Chart
 from app.report.disturbed import Flag, flags_of, left_out_words, marked
 from app.report.evidence import Evidence, evidence_of
 from app.report.features import features_of, read_together
-from app.report.formatting import ENVIRONMENT, STATIC, instant, quantity
+from app.report.formatting import ENVIRONMENT, instant, quantity, style_sheet
 from app.report.recorded import decoded, event_times, order_markers, spectrogram_png, strongest_events, surveyed
 from app.report.standing_words import earlier_words
 from app.report.trend import chart_of
@@ -314,7 +314,7 @@ def diagnosis_html(view: DiagnosisView, zone: str) -> str:
     """Return the report as one HTML file: no script, no address, plots as SVG."""
     context = {
         **view.context(),
-        "style": Markup((STATIC / "gearcase.css").read_text()),  # noqa: S704  our own file
+        "style": style_sheet(),
         "at": lambda value: instant(value, zone),
         "spectrogram": base64.b64encode(view.spectrogram() or b"").decode(),
     }

@@ -24,6 +24,11 @@ LONGEST = 7
 """From this power of ten on a number is written with one."""
 
 
+def style_sheet() -> Markup:
+    """Return the style sheet of the pages, to stand inside a file."""
+    return Markup((STATIC / "gearcase.css").read_text())  # noqa: S704  our own file
+
+
 def quantity(value: float | None, unit: str = "", digits: int = 3) -> Markup:
     """Write a number with its unit, or a dash where there is none.
 

@@ -24,7 +24,7 @@ from app.investigations import (
     names_of,
     submit,
 )
-from app.report.formatting import instant
+from app.report.formatting import ENVIRONMENT, instant, style_sheet
 from app.report.self_contained import self_contained
 from app.report.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
 from app.security import Principal, check_csrf
@@ -36,7 +36,6 @@ from app.web.robot import joints_of, of_robot
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.story import Part, Shown, box_shown, panel_of, panels_of
 from app.web.templating import render
-from app.web.work_sheet import Sheet, investigation_pdf
 from casebase import revisions
 from casebase.axes import list_axes
 from casebase.diagnoses import get_diagnosis
@@ -282,22 +281,24 @@ def report(session: Reading, _: PageViewer, investigation_id: str) -> Response:
     return self_contained(row.report or "", "'self'", **{"X-Frame-Options": "SAMEORIGIN"})
 
 
-@router.get("/{investigation_id}/report.pdf")
-def paper(session: Reading, service: TheService, _: PageViewer, investigation_id: str) -> Response:
-    """One page to take to the machine: the box, what to check, who signs."""
+@router.get("/{investigation_id}/work-sheet")
+def work_sheet(session: Reading, service: TheService, _: PageViewer, investigation_id: str) -> Response:
+    """A page of paper to take to the machine, as one file: the box, its plot, what to check, who signs."""
     row = get_investigation(session, investigation_id)
-    document = document_of(row)
-    files = [name for part in PARTS for name in names_of(row, part)]
+    document, box = document_of(row), box_of_row(row)
     when = instant(row.created_at, service.settings.time_zone).striptags()
-    sheet = Sheet(
-        " · ".join([str(row.subject), when, *files]),
-        investigation_headline(document),
-        box_of_row(row),
-        str(document["next_measurement"]),
-        f"Investigation {row.id}",
-    )
-    headers = {"Content-Disposition": f'attachment; filename="investigation-{row.id}.pdf"'}
-    return Response(investigation_pdf(sheet), media_type="application/pdf", headers=headers)
+    steps = [one.entry.do_first for one in box]
+    steps += [f"Measure next: {document['next_measurement']}"] if document["next_measurement"] else []
+    context = {
+        "row": row,
+        "measured": " · ".join([str(row.subject), when, *(name for part in PARTS for name in names_of(row, part))]),
+        "headline": investigation_headline(document),
+        "box": box,
+        "checks": list(dict.fromkeys(steps)),
+        "chart": next((one.chart for one in box if one.chart is not None), None),
+        "style": style_sheet(),
+    }
+    return self_contained(ENVIRONMENT.get_template("work_sheet.html").render(context))
 
 
 @router.post("/{investigation_id}/accept", dependencies=[FromOurPage])
