@@ -67,12 +67,9 @@ def test_of_two_units_that_are_nearly_the_same_the_usual_one_is_named() -> None:
 
 
 @pytest.mark.parametrize("factor", [0.25, 1.0, 4.0])
-def test_other_motion_of_the_same_axis_is_no_contradiction(factor: float) -> None:
+def test_other_motion_of_the_same_axis_and_an_empty_gripper_are_no_contradiction(factor: float) -> None:
     given = OperatingCondition(speed_rad_s=2.5 * factor, payload_kg_m2=30 * factor, motion_period_s=6.7 * factor)
     assert held_against(given, Motion(), AXIS) == (given, ())
-
-
-def test_empty_gripper_is_no_contradiction() -> None:
     given = OperatingCondition(payload_kg_m2=0.5)
     assert held_against(given, HEARD, AXIS) == (given, ())
 

@@ -1,17 +1,10 @@
 """What is offered to be simulated can be, and damage has the name of the standard."""
 
 from app.security import csrf_token
-from app.web.labels import damage_of
 from benchmarks.harness.site import AXIS, Site, browsing
 from sim.description.axis_document import parse_axis, read_axis
 from sim.experiment.design_of_experiments import labels, labels_of, plan
 from tests.web.reading import Markup
-
-
-def test_what_is_no_damage_of_teeth_has_no_name_of_the_standard() -> None:
-    assert "tooth breakage" in damage_of("notch")
-    assert damage_of("scuffing") == "scuffing"
-    assert [damage_of(label) for label in ("normal", "play", "stribeck_friction", "squeak", None)] == [""] * 5
 
 
 def test_every_label_that_is_offered_can_be_simulated() -> None:

@@ -82,13 +82,6 @@ def test_the_page_of_a_job_that_is_over_opens(tab: Tab, site: Site) -> None:
     library.close()
 
 
-def test_a_simulated_case_is_counted_as_one(tab: Tab) -> None:
-    with tab("/library/coverage") as page:
-        notch = page.locator("tr", has_text="bench").filter(has_text="notch")
-        cells = notch.locator("td").all_inner_texts()
-        assert cells[2:5] == ["1", "1", "1"]  # measured, measured gearboxes, simulated
-
-
 def test_the_line_of_the_circle_is_the_phase_of_the_text(tab: Tab, site: Site) -> None:
     """One number in fact, evidence and circle, and it is called what it is: no angle of a gear."""
     with tab(f"/diagnoses/{site.diagnosis}") as page:

@@ -14,9 +14,7 @@ from casebase.database import migration_config, upgrade_database
 from casebase.description import Labelling
 from casebase.errors import (
     ConflictError,
-    DuplicateError,
     InvalidRequestError,
-    NotFoundError,
     SchemaError,
     StaleVersionError,
 )
@@ -73,15 +71,6 @@ def test_audio_is_on_disk_before_its_row(library: CaseLibrary) -> None:
     with library.transaction("test") as session:
         row = store(library, session, [1.0])
         assert library.retrieve.audio_path(row).stat().st_size == row.byte_count
-
-
-def test_case_is_one_until_its_label_differs(library: CaseLibrary) -> None:
-    with library.transaction("test") as session:
-        case = add_case(library, session, [1.0], "notch", seed=1)
-        assert add_case(library, session, [1.0], "notch", seed=1).id == case.id
-        with pytest.raises(DuplicateError) as caught:
-            add_case(library, session, [1.0], "play", seed=1)
-    assert caught.value.case_id == case.id
 
 
 def test_generated_case_is_one_per_key(library: CaseLibrary) -> None:
@@ -166,11 +155,3 @@ def test_audit_cannot_be_altered(library: CaseLibrary, statement: str) -> None:
         add_case(library, session, [1.0], "notch", seed=1)
     with library.engine.connect() as connection, pytest.raises(DBAPIError, match="append-only"):
         connection.execute(text(statement))
-
-
-def test_unknown_ids_are_said(library: CaseLibrary) -> None:
-    with library.reading() as session:
-        with pytest.raises(NotFoundError):
-            library.retrieve.case(session, "no such id")
-        with pytest.raises(NotFoundError):
-            library.retrieve.recording(session, "no such id")

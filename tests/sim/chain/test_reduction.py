@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim.chain.components import TorqueWave
-from sim.chain.integrate import run_chain, stable_substeps
+from sim.chain.integrate import run_chain
 from sim.chain.model import (
     Chain,
     ChainError,
@@ -191,11 +191,6 @@ def test_play_hits_twice_per_cycle() -> None:
     into = run.log[(run.log[:, 1] == CONTACT) & (run.log[:, 2] == 1) & (run.log[:, 3] == 0)]
     hits = into[1:][(into[1:, 4] > 0) != (into[:-1, 4] > 0), 0]
     assert np.count_nonzero((hits >= 2.5) & (hits < 7.5)) == 4
-
-
-def test_substeps_follow_the_fastest_mode() -> None:
-    chain = Chain((Shaft(1.0), Shaft(1.0)), (Link(1.0, 2e6),))
-    assert stable_substeps(chain, 1000.0) == math.ceil(math.sqrt(2 * 2e6) / 1000.0 / 0.1)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,6 @@ ROOT = Path(__file__).parents[3]
 NAMED = re.compile(rf"({'|'.join(MECHANISMS)})(@.*)?")
 QUOTED = re.compile(rf"[\"'](?:{'|'.join(MECHANISMS)})")
 KINDS_OF_THE_DIAGNOSIS = {"casebase/signals/quality.py": {"clipping"}}  # disturbances, by the words of its document
-STATES = {"sim/chain/model.py": {"hysteresis"}}  # what a link remembers
 FREE_OF_KINDS = ("search", "estimation", "assessment", "pooling", "next_measurement")
 
 
@@ -45,7 +44,7 @@ def test_no_module_beside_their_own_knows_a_mechanism_by_its_name() -> None:
         for path in modules("sim", "app", "casebase", "docs")
         if "mechanisms" not in path.relative_to(ROOT).parts and (names := names_in(path.read_text(encoding="utf-8")))
     }
-    assert known == KINDS_OF_THE_DIAGNOSIS | STATES
+    assert known == KINDS_OF_THE_DIAGNOSIS
 
 
 @pytest.mark.parametrize("folder", FREE_OF_KINDS)

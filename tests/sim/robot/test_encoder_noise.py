@@ -3,12 +3,12 @@
 import numpy as np
 from scipy.signal import lfilter
 
+from benchmarks.robot_arms import Array, random_arm, robot, swings, torque
 from casebase.signals.telemetry import Telemetry
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Robot
 from sim.robot.shared_fit import shared_fits
-from tests.sim.robot.arms import Array, random_arm, robot, swings, torque
 from tests.sim.robot.test_shared_fit import off
 
 RATE = 125.0

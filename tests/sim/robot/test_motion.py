@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.robot_arms import Array, robot, two_links
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.robot.motion import Motion
 from sim.robot.robot import Joint
-from tests.sim.robot.arms import Array, robot, two_links
 
 RATE = 100.0
 TIME = np.arange(801) / RATE

@@ -6,12 +6,12 @@ from functools import partial
 import numpy as np
 import pytest
 
+from benchmarks.robot_arms import Array, Link, random_arm, robot, swings, torque, two_links, with_mass
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.robot.motion import Motion
 from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Payload, Robot
-from tests.sim.robot.arms import Array, Link, random_arm, robot, swings, torque, two_links, with_mass
 
 LINKS = [
     Link((0.0, 0.0, 0.3), (0.0, 0.0, 1.0), 6.0, (0.0, 0.02, 0.05), 0.02 * np.eye(3)),

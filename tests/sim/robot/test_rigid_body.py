@@ -5,10 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.robot.rigid_body import RigidBody
-from sim.robot.robot import Payload, Robot, RobotError, rigid_joint
-from sim.robot.urdf import read_urdf
-from tests.sim.robot.arms import (
+from benchmarks.robot_arms import (
     Array,
     Link,
     names_of,
@@ -20,6 +17,9 @@ from tests.sim.robot.arms import (
     urdf,
     with_mass,
 )
+from sim.robot.rigid_body import RigidBody
+from sim.robot.robot import Payload, Robot, RobotError, rigid_joint
+from sim.robot.urdf import read_urdf
 
 G = 9.81
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.robot_arms import two_links, write_robot
 from sim.robot.robot import RobotError, read_robot
-from tests.sim.robot.arms import two_links, write_robot
 
 
 def test_a_robot_is_read_with_what_stands_beside_it(tmp_path: Path) -> None:

@@ -4,8 +4,8 @@ import re
 
 import pytest
 
+from benchmarks.robot_arms import Link, two_links, urdf
 from sim.robot.urdf import MOST_ELEMENTS, UrdfError, read_urdf
-from tests.sim.robot.arms import Link, two_links, urdf
 
 ARM = urdf(two_links())
 INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks.robot_arms import GRAVITY, channel_map, names_of, random_arm, swings, torque, write_log, write_robot
 from sim.robot.investigation import investigate_robot
 from sim.robot.log import read_log
 from sim.robot.robot import read_robot
-from tests.sim.robot.arms import GRAVITY, channel_map, names_of, random_arm, swings, torque, write_log, write_robot
 
 pytestmark = pytest.mark.slow
 DRY, VISCOUS, ROTOR = 2.0, 1.5, 0.5
