@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Event
 
@@ -19,7 +19,6 @@ from casebase.cycle.reuse import Reuse
 from casebase.cycle.revise import Revise
 from casebase.database import WRITING, create_engine_for, sqlite_url, upgrade_database
 from casebase.errors import StaleVersionError
-from casebase.private import make_private
 from casebase.recordings import DISCARDED
 
 TABLES = "tables"
@@ -91,3 +90,15 @@ class CaseLibrary:
     def close(self) -> None:
         """Give back the database connections."""
         self.engine.dispose()
+
+
+def make_private(folder: Path) -> None:
+    """Take from others what an unpacked backup has let them read.
+
+    The folder keeps them out; its databases are closed as well, since they are copied about.
+    """
+    with suppress(PermissionError):  # of another owner, who has to see to it
+        folder.chmod(0o700)
+        for path in folder.glob("*"):
+            if path.is_file() and not path.is_symlink():
+                path.chmod(0o600)

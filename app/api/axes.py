@@ -10,8 +10,8 @@ from sqlalchemy.orm import Session
 from app.axis_schema import axis_schema
 from app.documents import CONTINUES, AxisAnswer, Limit, PageOf, page_of
 from app.errors import UnsupportedMedia
+from app.headers import location
 from app.idempotency import Made, OnlyOnce
-from app.location import location
 from app.security import Admin, Viewer
 from app.service import Reading, TheService
 from casebase import axes, revisions

@@ -7,7 +7,6 @@ from fastapi.concurrency import run_in_threadpool
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
-from app.conditional import IfNoneMatch, has_already, not_modified
 from app.documents import (
     AuditAnswer,
     CaseAnswer,
@@ -24,6 +23,7 @@ from app.documents import (
     page_of,
 )
 from app.errors import IfMatchRequired, Stale, validation_problem
+from app.headers import IfNoneMatch, has_already, not_modified
 from app.idempotency import Made, Once, OnlyOnce
 from app.intake import take_in
 from app.metadata import CaseMetadata, read_metadata

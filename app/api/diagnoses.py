@@ -5,7 +5,6 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query, Request, Response, status
 from sqlalchemy.orm import Session
 
-from app.accept import chosen
 from app.documents import (
     Cursor,
     DiagnosisAnswer,
@@ -18,6 +17,7 @@ from app.documents import (
     page_of,
 )
 from app.gate import Looking
+from app.headers import chosen
 from app.idempotency import Made, OnlyOnce
 from app.intake import take_in
 from app.metadata import RecordingMetadata, read_metadata

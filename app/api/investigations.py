@@ -11,10 +11,10 @@ from pydantic import AwareDatetime, BaseModel, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from app.accept import chosen
 from app.api.jobs import JobDocument
 from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, RobotAnswer, page_of
 from app.errors import Unprocessable
+from app.headers import chosen, location
 from app.idempotency import Made, OnlyOnce
 from app.investigations import (
     KIND,
@@ -29,7 +29,6 @@ from app.investigations import (
     take_in,
     take_in_robot,
 )
-from app.location import location
 from app.report.self_contained import self_contained
 from app.robots import BINARY, robot_of
 from app.security import Admin, Operator, Viewer

@@ -12,11 +12,10 @@ from fastapi.responses import StreamingResponse
 from pydantic import BaseModel
 
 from app import views
-from app.accept import chosen
-from app.conditional import IfNoneMatch, has_already, not_modified
 from app.documents import Answer, ErasedAnswer, Identifier, RecordingAnswer
 from app.errors import RangeNotSatisfiable
 from app.gate import Looking
+from app.headers import IfNoneMatch, chosen, has_already, not_modified
 from app.intake import media_type_of
 from app.report.recorded import decoded
 from app.security import Admin, Viewer

@@ -7,8 +7,8 @@ from sqlalchemy.orm import Session
 
 from app.api.axes import AfterName, AfterRevision, Revision
 from app.documents import Limit, PageOf, RobotAnswer, page_of
+from app.headers import location
 from app.idempotency import Made, OnlyOnce
-from app.location import location
 from app.robots import PARTS, ROBOT_PARTS, add_robot, described_robot
 from app.security import Admin, Viewer
 from app.service import Reading

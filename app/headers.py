@@ -1,8 +1,16 @@
-"""The Accept header: which of the media types on offer the client wants most."""
+"""Headers: Accept, If-None-Match and Location."""
 
 from collections.abc import Sequence
+from typing import Annotated
+from urllib.parse import quote
+
+from fastapi import Header, Request, Response, status
 
 from app.errors import NotAcceptable
+
+IfNoneMatch = Annotated[
+    str | None, Header(max_length=1000, description="ETags that the client has; of the current one the answer is 304")
+]
 
 
 def _preference(entry: str) -> tuple[str, float]:
@@ -43,3 +51,24 @@ def chosen(header: str | None, offered: Sequence[str]) -> str:
     if weight(best) <= 0:
         raise NotAcceptable(f"Accept asks for {header}; offered are {', '.join(offered)}.")
     return best
+
+
+def has_already(if_none_match: str | None, etag: str) -> bool:
+    """Return whether one of the tags is the current one; weak ones count like strong ones (RFC 9110, 13.1.2).
+
+    >>> has_already('"1", W/"2"', '"2"'), has_already("*", '"2"'), has_already('"1"', '"2"'), has_already(None, '"2"')
+    (True, True, False, False)
+    """
+    tags = [tag.strip().removeprefix("W/") for tag in (if_none_match or "").split(",")]
+    return etag in tags or tags == ["*"]
+
+
+def not_modified(headers: dict[str, str]) -> Response:
+    """Return the answer to a client that has it already."""
+    return Response(status_code=status.HTTP_304_NOT_MODIFIED, headers=headers)
+
+
+def location(request: Request, route: str, **path: str) -> str:
+    """Return the path of a route, below the path under which a proxy serves us."""
+    quoted = {name: quote(value, safe="") for name, value in path.items()}
+    return str(request.url_for(route, **quoted).path)
