@@ -1,4 +1,4 @@
-"""What is known of labels: a leaf that stored documents and reasoning share."""
+"""What is known of labels."""
 
 BASELINES = ("normal", "healthy")
 """Labels of gears without a fault."""

@@ -6,10 +6,11 @@ from datetime import datetime
 import numpy as np
 from sqlalchemy.orm import Session
 
+from casebase.labels import BASELINES
 from casebase.models import Extractor, FeatureRow, StoredDiagnosis, StoredRecording, new_id
 from casebase.signals.features import EXTRACTOR_VERSION, NAMES
 
-LISTS = ("hypotheses", "labels", "neighbours", "faults", "evidence", "remarks", "disturbances", "quality")
+LISTS = ("hypotheses", "labels", "neighbours", "evidence", "remarks", "disturbances", "quality")
 UNKNOWN = {"fault": {"present": None, "probability": None}, "novelty": {"distance": None, "threshold": None}}
 
 
@@ -63,7 +64,8 @@ def keep(
     session.add_all((recording, row))
     if label is not None or verdict != "diagnosed":
         said = {"verdict": verdict, "label": label, "probability": 0.95}
-        document = {**{name: [] for name in LISTS}, **UNKNOWN, **document}
+        faults = [{"label": label, "probability": 0.95}] if label not in (None, *BASELINES) else []
+        document = {**{name: [] for name in LISTS}, **UNKNOWN, "faults": faults, **document}
         document |= {**said, "severity": None, "id": identity, "provenance": {"gearboxes": 5}}
         document["recording"] = {"axis": axis, "gearbox": gearbox}
         given = StoredDiagnosis(
