@@ -42,7 +42,7 @@ class Section:
     """One shaft of the train, by the names of what stands on it, and the gear and the mesh that follow."""
 
     inertias: list[str] = field(default_factory=list)
-    friction: str | None = None
+    frictions: list[str] = field(default_factory=list)
     torques: list[str] = field(default_factory=list)
     gear: str | None = None
     mesh: str | None = None
@@ -105,7 +105,7 @@ def sections_of(train: DriveTrain) -> list[Section]:
         if len(onward) > 1:
             raise CompositionError(f"shafts in series: {onward[0]} and {onward[1]} are driven by the same shaft")
         section.mesh = onward[0] if onward else None
-        used |= {*section.inertias, *section.torques, *filter(None, (section.friction, section.gear, section.mesh))}
+        used |= {*section.inertias, *section.frictions, *section.torques, *filter(None, (section.gear, section.mesh))}
         if section.mesh is None:
             break
         here = node[f"{section.mesh}.flange_b"]
@@ -126,9 +126,7 @@ def _fill(section: Section, train: DriveTrain, node: Mapping[str, int], here: in
         elif isinstance(part, OneFlange | TorqueSource | ConstantTorque):
             section.torques.append(name)
         elif isinstance(part, BearingFriction | ShaftFriction) or (isinstance(part, Damper) and fixed & set(ends)):
-            if section.friction:
-                raise CompositionError(f"{name}: friction must be the only one on its shaft, beside {section.friction}")
-            section.friction = name
+            section.frictions.append(name)
     if not section.inertias:
         raise CompositionError("shafts in series: every shaft between two meshes needs an Inertia")
 
@@ -149,7 +147,7 @@ def _shaft(train: DriveTrain, section: Section, k: int) -> Shaft:
     lines = [line for part in parts if isinstance(part, Ripple) for line in part.lines]
     ripples = [Line(k, line.order, line.amplitude, line.phase) for line in lines]
     waves = [Line(CLOCK, 2 * math.pi * p.frequency, p.torque, p.phase) for p in parts if isinstance(p, Wave)]
-    friction = shaft_friction_of(section.friction, train[section.friction]) if section.friction else ShaftFriction()
+    friction = _friction(train, section.frictions)
     return Shaft(
         inertia_kg_m2=sum(part.inertia for part in map(train.__getitem__, section.inertias)),
         gravity_n_m=gravity[0].torque if gravity else 0.0,
@@ -164,6 +162,22 @@ def _shaft(train: DriveTrain, section: Section, k: int) -> Shaft:
         stribeck_speed_rad_s=friction.stribeck_speed,
         stribeck_exponent=friction.stribeck_exponent,
         drift_per_s=friction.drift,
+    )
+
+
+def _friction(train: DriveTrain, names: list[str]) -> ShaftFriction:
+    """All friction of a shaft; plain parts add up, one with Stribeck or drift must stand alone."""
+    parts = [shaft_friction_of(name, train[name]) for name in names]
+    if len(parts) == 1:
+        return parts[0]
+    bent = [name for name, part in zip(names, parts, strict=True) if part.stribeck or part.drift]
+    if bent:
+        raise CompositionError(f"{bent[0]}: friction with Stribeck or drift must be the only one on its shaft")
+    return ShaftFriction(
+        coulomb=sum(part.coulomb for part in parts),
+        viscous=sum(part.viscous for part in parts),
+        coulomb_backward=sum(part.backward("coulomb") for part in parts),
+        viscous_backward=sum(part.backward("viscous") for part in parts),
     )
 
 

@@ -83,7 +83,7 @@ def _torque_over_time(part: TorqueWave, time_s: Array) -> Array:
 def _events(sections: list[Section], result: ChainResult) -> list[Event]:
     """Contact and sliding as Modelica numbers them; what a component passes through in no time is left out."""
     meshes = [section.mesh or "" for section in sections]
-    sliding = [section.friction or section.gear or section.inertias[0] for section in sections]
+    sliding = [next(iter(section.frictions), None) or section.gear or section.inertias[0] for section in sections]
     log = result.log[result.log[:, 1] <= STICK]
     contact = log[:, 1] == CONTACT
     modes = np.where(contact[:, None], -np.sign(log[:, 3:]), log[:, 3:]).astype(np.int64)  # pieces of a contact are one

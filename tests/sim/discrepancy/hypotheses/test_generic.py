@@ -30,7 +30,7 @@ from sim.discrepancy.results import Investigation
 from sim.experiment.virtual_measurement import measure
 from sim.mechanisms.catalogue import with_mechanism
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Parameter, Signature
-from sim.mechanisms.places import axis_of, stage_names, with_error
+from sim.mechanisms.places import stage_names, with_error
 from sim.rotational.drive_train import DriveTrain
 
 BENCH = read_axis(
@@ -79,8 +79,7 @@ class Misalignment(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return stage_names(axis)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
-        place = self.placed(axis_of(train))
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         return with_error(train, place, 2.0, self["amplitude_rad"], self["phase_rad"])
 
 
@@ -102,9 +101,9 @@ class CyclicDrag(Mechanics):
     def locations(cls, axis: Axis) -> tuple[str, ...]:
         return ("motor",)
 
-    def apply(self, train: DriveTrain) -> DriveTrain:
+    def act(self, train: DriveTrain, place: str) -> DriveTrain:
         drag = TorqueWave(self["torque_n_m"], self["frequency_hz"], self["phase_rad"])
-        return train.add("drag", drag, flange="motor.flange_a") if drag.torque else train
+        return train.add("drag", drag, flange="motor.flange_a")
 
 
 class Saturation(Measurement):
