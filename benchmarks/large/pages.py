@@ -52,11 +52,12 @@ OF_LARGE = (
 NO_PAGES = {
     "/audit.csv": "all of the log, as a file",
     "/library/export.zip": "all cases, as a file",
-    "/investigations/{investigation_id}/report.pdf": "paper",
+    "/investigations/{investigation_id}/work-sheet": "paper",
     "/investigations/{investigation_id}/panels/{part}/{number}": "numbers of one investigation",
     "/recordings/{recording_id}/sound": "a file",
     "/recordings/{recording_id}/spectrogram.png": "a picture of one file",
     "/demonstration.wav": "a file",
+    "/simulate/sound.wav": "a file",
     "/robots/{name}": "reads one robot",
     "/robots/{name}/robot.toml": "a file of one robot",
     "/robots/{name}/robot.urdf": "a file of one robot",
