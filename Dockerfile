@@ -10,6 +10,7 @@ RUN python -m venv /opt/gearcase \
 COPY package.json package-lock.json .npmrc ./
 COPY app ./app
 COPY casebase ./casebase
+COPY signals ./signals
 COPY sim ./sim
 COPY migrations ./migrations
 RUN /opt/gearcase/bin/python -m app.web.assets \

@@ -8,13 +8,13 @@ from fastapi import Path, Query
 from pydantic import MISSING, AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, model_validator
 from sqlalchemy.orm import Session
 
-from app.keys import Role
+from app.http.keys import Role
 from casebase.axes import is_axis, unknown_axis
-from casebase.fields import Label, Positive, Text, Verification, Verified, Word
-from casebase.models import StoredDiagnosis
-from casebase.pages import Page
-from casebase.signals.quality import DISTURBANCES
-from casebase.signals.text import is_whole
+from casebase.store.fields import Label, Positive, Text, Verification, Verified, Word
+from casebase.store.models import StoredDiagnosis
+from casebase.store.pagination import Page
+from signals.reading.text import is_whole
+from signals.recording_quality.quality import DISTURBANCES
 
 Row = TypeVar("Row")
 Document = TypeVar("Document", bound=BaseModel)

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from casebase.gearbox_state import NamedFault, Standing, State, standing, standing_fault
 from casebase.gearboxes import History, Place, described, histories_of, signatures
-from casebase.trend import Trend, trends_of
+from casebase.reasoning.trend import Trend, trends_of
 
 ORDER = tuple(State)
 DIGITS = "0123456789"

@@ -19,25 +19,25 @@ from sqlalchemy.orm import Session, defer
 
 from app.jobs.job import JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs.jobs import Jobs
+from app.recordings.sound import read_sound
 from app.robots import add_robot
-from app.sound import read_sound
-from casebase import audit, revisions
 from casebase.axes import add_axis, find_axis
 from casebase.description import check_name
 from casebase.errors import ConflictError, NotFoundError
 from casebase.library import CaseLibrary
-from casebase.models import AxisRevision, RobotRevision, StoredInvestigation, new_id, now
-from casebase.signals.decode import read_recording
-from casebase.signals.documents import parse_foreign
-from casebase.signals.errors import SignalError
-from casebase.signals.joint_maps import LoggedJoint, read_joint_maps
-from casebase.signals.recording import Recording
-from casebase.signals.telemetry import check_telemetry, read_telemetry
+from casebase.store import audit, revisions
+from casebase.store.models import AxisRevision, RobotRevision, StoredInvestigation, new_id, now
+from signals.columns.joint_maps import LoggedJoint, read_joint_maps
+from signals.errors import SignalError
+from signals.reading.decode import read_recording
+from signals.reading.documents import parse_foreign
+from signals.recording import Recording
+from signals.telemetry import check_telemetry, read_telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
-from sim.discrepancy.data.pairing import check_as_new, check_pairs
-from sim.discrepancy.report.comparison import Row, Value, findings_compared, values_compared
 from sim.errors import AxisError, SimulationError
+from sim.investigation.data.pairing import check_as_new, check_pairs
+from sim.investigation.report.comparison import Row, Value, findings_compared, values_compared
 from sim.robot.foreign import ForeignRobot, foreign_robot, kept_robot
 
 KIND = "investigations"
@@ -297,9 +297,9 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
     if len(_paths(library, row, "telemetry")) > 1:
         return _investigated_together(library, row, report)
     # only a worker pays for importing what investigates
-    from sim.discrepancy.investigation import investigate
-    from sim.discrepancy.report.html import html_report
-    from sim.discrepancy.report.summary import story
+    from sim.investigation.investigate import investigate
+    from sim.investigation.report.html import html_report
+    from sim.investigation.report.summary import story
 
     telemetry = _paths(library, row, "telemetry")
     sounds, as_new = (_sounds(library, row, part) for part in ("sound", "as_new"))
@@ -318,9 +318,9 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
 def _investigated_together(
     library: CaseLibrary, row: StoredInvestigation, report: Report
 ) -> tuple[dict[str, object], str]:
-    from sim.discrepancy.pooling.joint_investigation import investigate_together
-    from sim.discrepancy.pooling.pooled_estimates import Taken
-    from sim.discrepancy.report.joint_html import html_report_together, story_together
+    from sim.investigation.pooling.joint_investigation import investigate_together
+    from sim.investigation.pooling.pooled_estimates import Taken
+    from sim.investigation.report.joint_html import html_report_together, story_together
 
     telemetry = zip(names_of(row, "telemetry"), _paths(library, row, "telemetry"), strict=True)
     recordings = [Taken(name, read_telemetry(path, channels=_channels(row))) for name, path in telemetry]

@@ -27,17 +27,17 @@ from app.api import (
     simulations,
     steps,
 )
-from app.door import Door, terms_of_all
-from app.errors import add_problem_handlers
-from app.gate import Gate
-from app.metrics import Metrics
-from app.middleware import CloseUnread, Faults, HeadIsGet, RequestRecord, SecurityHeaders
-from app.reference import PROBLEMS, describe, only_known_query
+from app.http.concurrency_limiter import Gate
+from app.http.errors import add_problem_handlers
+from app.http.metrics import Metrics
+from app.http.middleware import CloseUnread, Faults, HeadIsGet, RequestRecord, SecurityHeaders
+from app.http.reference import PROBLEMS, describe, only_known_query
+from app.http.request_limits import Door, terms_of_all
 from app.service import Service
 from app.settings import Settings, settings_of
 from app.web.errors import PageErrors
 from app.web.pages import add_pages
-from casebase.signals.decode import warm_up
+from signals.reading.decode import warm_up
 
 ROUTERS: tuple[APIRouter, ...] = (
     diagnoses.router,

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 from sqlalchemy.orm import Session
 
-from app.errors import TooLarge, Unprocessable
+from app.http.errors import TooLarge, Unprocessable
+from app.http.uploads import Upload
 from app.service import Service
-from app.uploads import Upload
-from casebase import revisions
-from casebase.models import RobotRevision
+from casebase.store import revisions
+from casebase.store.models import RobotRevision
 from sim.robot.foreign import ForeignRobot, check_foreign, foreign_robot
 from sim.robot.robot import LARGEST_URDF_BYTES
 

@@ -13,23 +13,23 @@ from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
 from app.alarms.watch import alarm_watch
-from app.beside import Asked, Begun, Beside
+from app.background_cache import Asked, Begun, Beside
+from app.cleanup import leftovers
 from app.fleet import Fleet
+from app.http.key_usage import KeyNotes
+from app.http.metrics import Metrics
 from app.jobs.feed import JobFeed
 from app.jobs.jobs import Jobs
 from app.jobs.kinds import jobs_in
-from app.key_notes import KeyNotes
-from app.leftovers import leftovers
-from app.metrics import Metrics
 from app.periodic import Periodic
-from app.retention import retention
+from app.recordings.retention import retention
 from app.settings import Settings
 from app.upkeep import Upkeep
-from casebase.counter import library_version
-from casebase.evaluation import Evaluation
 from casebase.library import CaseLibrary
+from casebase.reasoning.evaluation import Evaluation
 from casebase.review import Review, review
-from casebase.signals.features import EXTRACTOR_VERSION
+from casebase.store.counter import library_version
+from signals.features import EXTRACTOR_VERSION
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from casebase.errors import LibraryError
 from casebase.library import CaseLibrary
-from casebase.signals.errors import SignalError
 from casebase.upkeep import keep_table
+from signals.errors import SignalError
 
 ACTOR = "upkeep"
 APART_S = 2.0
@@ -56,13 +56,13 @@ def diagnose_once(library: CaseLibrary) -> None:
     """Simulate a recording and diagnose it, keeping nothing: modules, compiled code and the cases are loaded by it."""
     import scipy.signal  # noqa: F401 - half a second, for the first plot and the first slider
 
-    from app.intake import mesh_orders, shaft_orders
+    from app.recordings.intake import mesh_orders, shaft_orders
     from casebase.__main__ import search_once
     from casebase.labels import PARAMETERS
     from casebase.origins import SIMULATED
-    from casebase.signals.condition import OperatingCondition
-    from casebase.signals.features import extract
-    from casebase.signals.recording import Recording
+    from signals.condition import OperatingCondition
+    from signals.features import extract
+    from signals.recording import Recording
     from sim.acoustics.microphone import SAMPLE_RATE_HZ
     from sim.experiment.paper_axis import PAPER_AXIS
     from sim.experiment.virtual_measurement import measure

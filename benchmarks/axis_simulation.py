@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from app.simulation_files import write_sound, write_telemetry
+from app.simulated.simulation_files import write_sound, write_telemetry
 from benchmarks import Row, best_seconds
 from sim.description.axis import Axis
 from sim.experiment.paper_axis import PAPER_AXIS

@@ -27,13 +27,13 @@ from benchmarks import Row
 from benchmarks.field_bank import bank
 from benchmarks.plain_classifier import PlainClassifier
 from benchmarks.shared_data import SHARED
-from casebase.case_table import CaseTable
-from casebase.diagnosis import DIAGNOSED_FROM, Reasoner
-from casebase.evaluation import Proportion, evaluate
-from casebase.signals.condition import OperatingCondition
-from casebase.signals.decode import read_recording
-from casebase.signals.features import EXTRACTOR_VERSION, Extraction, extract
-from casebase.signals.recording import Recording
+from casebase.reasoning.diagnosis import DIAGNOSED_FROM, Reasoner
+from casebase.reasoning.evaluation import Proportion, evaluate
+from casebase.search.case_table import CaseTable
+from signals.condition import OperatingCondition
+from signals.features import EXTRACTOR_VERSION, Extraction, extract
+from signals.reading.decode import read_recording
+from signals.recording import Recording
 
 DATA = SHARED / "data"
 Samples = NDArray[np.float32]

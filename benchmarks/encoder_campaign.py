@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.encoder_logs import STEP, Array, axis, log, strokes
-from casebase.signals.telemetry import Telemetry
-from sim.discrepancy.investigation import investigate
+from signals.telemetry import Telemetry
+from sim.investigation.investigate import investigate
 
 SEEDS = 50
 COARSE = 2.0 * np.pi / 2500

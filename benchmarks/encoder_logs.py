@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.signals.telemetry import Telemetry
+from signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 

@@ -9,9 +9,9 @@ import soundfile
 from scipy import signal
 
 from benchmarks import Row, best_seconds
-from casebase.signals.decode import read_recording, warm_up
-from casebase.signals.features import catalogue, extract
-from casebase.signals.recording import Recording
+from signals.features import catalogue, extract
+from signals.reading.decode import read_recording, warm_up
+from signals.recording import Recording
 
 RATE_HZ = 8000
 SECONDS = 30

@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.encoded_sounds import seeds
-from casebase.signals.decode import LIMITS, read_recording
-from casebase.signals.errors import BrokenAudioError, DecoderUnavailableError, SignalError
-from casebase.signals.limited_pool import SOUNDS
+from signals.errors import BrokenAudioError, DecoderUnavailableError, SignalError
+from signals.reading.decode import LIMITS, read_recording
+from signals.reading.limited_pool import SOUNDS
 
 SIZES = (0, 1, 2, 7, 0x7F, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFF0, 0xFFFFFFFE, 0xFFFFFFFF)
 GIVEN_UP = "given up"

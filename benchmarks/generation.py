@@ -24,11 +24,11 @@ from pathlib import Path
 
 from sqlalchemy import func, select
 
-from app.generation import KIND, Campaign, simulate_case
 from app.jobs.kinds import open_jobs
 from app.settings import Settings
+from app.simulated.generation import KIND, Campaign, simulate_case
 from casebase.library import CaseLibrary
-from casebase.models import Case
+from casebase.store.models import Case
 from sim.experiment.design_of_experiments import Planned
 from sim.experiment.paper_axis import PAPER_AXIS
 

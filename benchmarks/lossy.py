@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from benchmarks import Row
 from benchmarks.diagnosis import Sound, axis_sounds
 from benchmarks.encoded_sounds import encode
-from casebase.case_table import CaseTable
-from casebase.diagnosis import Reasoner
-from casebase.signals.decode import read_recording
-from casebase.signals.features import EXTRACTOR_VERSION, Extraction, catalogue, extract
-from casebase.signals.recording import Recording
+from casebase.reasoning.diagnosis import Reasoner
+from casebase.search.case_table import CaseTable
+from signals.features import EXTRACTOR_VERSION, Extraction, catalogue, extract
+from signals.reading.decode import read_recording
+from signals.recording import Recording
 
 CODECS = {
     "MP3, 64 kbit/s, 48 kHz": ("mp3", "libmp3lame", 64_000, 48_000),

@@ -19,16 +19,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.generation import simulate_case
-from app.intake import mesh_orders, shaft_orders
+from app.recordings.intake import mesh_orders, shaft_orders
+from app.simulated.generation import simulate_case
 from benchmarks import Row
 from benchmarks.shared_data import SHARED
-from casebase.case_table import CaseTable
-from casebase.diagnosis import Reasoner
-from casebase.evaluation import Proportion
-from casebase.signals.condition import OperatingCondition
-from casebase.signals.decode import read_recording
-from casebase.signals.features import EXTRACTOR_VERSION, catalogue, extract
+from casebase.reasoning.diagnosis import Reasoner
+from casebase.reasoning.evaluation import Proportion
+from casebase.search.case_table import CaseTable
+from signals.condition import OperatingCondition
+from signals.features import EXTRACTOR_VERSION, catalogue, extract
+from signals.reading.decode import read_recording
 from sim.acoustics.transfer_path_fit import Heard, fit_sound
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis

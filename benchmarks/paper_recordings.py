@@ -6,7 +6,7 @@ shows it. Every number that it leaves open stands in the middle of the range fro
 normal recording has no more than noise has, and with a quicker start an as-new gear is heard to click at every
 reversal. Nothing is fitted to play or notch.
 
-Crest factor, for all: `casebase.signals.crest.crest_trace`. Its trace is figures 8 and 9; the largest value is the
+Crest factor, for all: `signals.crest.crest_trace`. Its trace is figures 8 and 9; the largest value is the
 crest factor of the record, and the mean of that over draws the row of the table.
 """
 
@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.signals.crest import CrestTrace, crest_trace
+from signals.crest import CrestTrace, crest_trace
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
 from sim.description.axis import MechanismEntry, Motion
 from sim.experiment.design_of_experiments import (

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.signals.crest import WINDOW_S, CrestTrace, crest_trace
-from casebase.signals.filters import PAPER_CUTOFF_HZ
+from signals.crest import WINDOW_S, CrestTrace, crest_trace
+from signals.filters import PAPER_CUTOFF_HZ
 from sim import simulate
 from sim.rotational.components import ElastoBacklash, Gearbox, Inertia, Sine, Torque
 from sim.rotational.drive_train import DriveTrain

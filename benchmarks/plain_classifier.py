@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special
 
-from casebase.case_table import CaseTable
-from casebase.priors import prior_weights
-from casebase.retrieval import CaseMatrix, metric_of
+from casebase.reasoning.priors import prior_weights
+from casebase.search.case_table import CaseTable
+from casebase.search.retrieval import CaseMatrix, metric_of
 
 SMALLEST, RIDGE = 1e-9, 1e-3
 Floats = NDArray[np.float64]

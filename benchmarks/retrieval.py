@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import Row, best_seconds
-from casebase.case_table import CaseTable
-from casebase.retrieval import CaseMatrix
-from casebase.signals.features import catalogue
-from casebase.similarity import Metric
+from casebase.search.case_table import CaseTable
+from casebase.search.retrieval import CaseMatrix
+from casebase.search.similarity import Metric
+from signals.features import catalogue
 
 SIZES = (1_000, 10_000, 100_000)
 NEAREST = 10

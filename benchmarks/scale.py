@@ -11,14 +11,14 @@ import numpy as np
 
 from benchmarks import Row, best_seconds
 from casebase.__main__ import search_once
-from casebase.case_table import CaseTable
-from casebase.database import create_engine_for, sqlite_url, upgrade_database
-from casebase.diagnosis import Reasoner
-from casebase.kept_table import name_table, read_table, write_table
 from casebase.library import CaseLibrary
-from casebase.priors import prior_weights
-from casebase.retrieval import CaseMatrix, metric_of
-from casebase.signals.features import EXTRACTOR_VERSION, catalogue
+from casebase.reasoning.diagnosis import Reasoner
+from casebase.reasoning.priors import prior_weights
+from casebase.search.case_table import CaseTable
+from casebase.search.retrieval import CaseMatrix, metric_of
+from casebase.search.stored_table import name_table, read_table, write_table
+from casebase.store.database import create_engine_for, sqlite_url, upgrade_database
+from signals.features import EXTRACTOR_VERSION, catalogue
 
 FIRST, LARGEST = 100_000, 1_000_000
 NEAREST = 10

@@ -12,9 +12,9 @@ from benchmarks import Row
 from benchmarks.harness.live import started
 from benchmarks.harness.sounds import hum, wav
 from casebase.library import CaseLibrary
-from casebase.signals.decode import read_recording, warm_up
-from casebase.signals.features import extract
-from casebase.signals.fingerprint import fingerprints
+from signals.features import extract
+from signals.fingerprint import fingerprints
+from signals.reading.decode import read_recording, warm_up
 
 SECONDS, CASES, ROUNDS, WARM, SETTLE = 30, 20, 23, 3, 60
 

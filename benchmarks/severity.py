@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.generation import condition_of
-from app.sizing import LISTENERS, RUNS, Design, Taken, design_for
+from app.simulated.generation import condition_of
+from app.simulated.severity_by_simulation import LISTENERS, RUNS, Design, Taken, design_for
 from benchmarks import Row
-from casebase.severity import COVERAGE, PARAMETERS, Severity
-from casebase.signals.condition import OperatingCondition
-from casebase.signals.features import extract
-from casebase.signals.recording import Recording
+from casebase.reasoning.severity import COVERAGE, PARAMETERS, Severity
+from signals.condition import OperatingCondition
+from signals.features import extract
+from signals.recording import Recording
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
 from sim.experiment.design_of_experiments import Planned, moved, plan, usual_microphone
 from sim.experiment.paper_axis import PAPER_AXIS

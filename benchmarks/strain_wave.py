@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from casebase.signals.telemetry import Telemetry
+from signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
-from sim.discrepancy.investigation import investigate
-from sim.discrepancy.results import Investigation
 from sim.experiment.virtual_measurement import measure
+from sim.investigation.investigate import investigate
+from sim.investigation.results import Investigation
 from sim.mechanisms import KinematicError
 from sim.mechanisms.catalogue import with_mechanism
 

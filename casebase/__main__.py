@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from casebase.case_table import CaseTable
-from casebase.retrieval import CaseMatrix
-from casebase.signals.decimal_text import write_decimals
-from casebase.similarity import Metric
+from casebase.search.case_table import CaseTable
+from casebase.search.retrieval import CaseMatrix
+from casebase.search.similarity import Metric
+from signals.reading.decimal_text import write_decimals
 
 
 def search_once() -> None:

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from sqlalchemy import Exists, delete, exists, or_, select
 from sqlalchemy.orm import Session
 
-from casebase import audit, revisions
 from casebase.errors import ConflictError
-from casebase.models import AxisRevision, StoredInvestigation, StoredRecording
+from casebase.store import audit, revisions
+from casebase.store.models import AxisRevision, StoredInvestigation, StoredRecording
 
 SHOWN = 10
 """Names of axes that are told, at most."""

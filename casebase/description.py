@@ -7,8 +7,8 @@ from datetime import datetime
 from typing import Any
 
 from casebase.errors import InvalidRequestError
-from casebase.models import CASE_STATES, ORIGINS, VERIFICATIONS
-from casebase.signals.condition import OperatingCondition
+from casebase.store.models import CASE_STATES, ORIGINS, VERIFICATIONS
+from signals.condition import OperatingCondition
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,15 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from casebase import audit
 from casebase.alarms import rules
 from casebase.description import Labelling, check_choice, check_label, check_verification
-from casebase.detection_limit import NO_LIMITS, Limits
-from casebase.diagnosis import Diagnosis, Reasoner
 from casebase.errors import ConflictError, InvalidRequestError, NotFoundError, StaleVersionError
-from casebase.models import DIAGNOSIS_STATES, StoredDiagnosis, StoredRecording, new_id, now
-from casebase.pages import Page, page
-from casebase.severity import Severity
+from casebase.reasoning.detection_limit import NO_LIMITS, Limits
+from casebase.reasoning.diagnosis import Diagnosis, Reasoner
+from casebase.reasoning.severity import Severity
+from casebase.store import audit
+from casebase.store.models import DIAGNOSIS_STATES, StoredDiagnosis, StoredRecording, new_id, now
+from casebase.store.pagination import Page, page
 
 REVISED = "diagnosis.revised"
 
@@ -45,7 +45,7 @@ def store_diagnosis(
     """Keep a diagnosis as the document that it is shown as.
 
     Args:
-        detection_limit: the smallest fault of each kind that would be heard; see `casebase.detection_limit`.
+        detection_limit: the smallest fault of each kind that would be heard; see `casebase.reasoning.detection_limit`.
         same_as_case: id of the case that is of the same sound.
     """
     identity = new_id()

@@ -19,7 +19,7 @@ from enum import StrEnum
 
 from casebase.gearboxes import OPEN, REJECTED, Heard, History
 from casebase.labels import BASELINES
-from casebase.trend import Trend
+from casebase.reasoning.trend import Trend
 
 OUTWEIGHED_BY = 2
 """By so many more recordings named normal a named fault is outweighed [1]."""

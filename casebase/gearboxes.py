@@ -14,8 +14,8 @@ from sqlalchemy import ColumnElement, Select, and_, case, false, func, null, or_
 from sqlalchemy.orm import Session, aliased
 
 from casebase.labels import BASELINES
-from casebase.models import AxisRevision, Case, MaintenanceMark, StoredDiagnosis, StoredRecording
 from casebase.origins import MEASURED, SIMULATED, demonstrations, is_measured
+from casebase.store.models import AxisRevision, Case, MaintenanceMark, StoredDiagnosis, StoredRecording
 
 NOTE, REPAIR, EXCHANGE, MICROPHONE = "note", "repair", "exchange", "microphone"
 KINDS = (NOTE, REPAIR, EXCHANGE, MICROPHONE)

@@ -10,16 +10,16 @@ from sqlalchemy import Engine
 from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
 
-from casebase import audit, leases
-from casebase.audio_store import AudioStore
-from casebase.counter import has_changed
 from casebase.cycle.retain import Retain
 from casebase.cycle.retrieve import Retrieve
 from casebase.cycle.reuse import Reuse
 from casebase.cycle.revise import Revise
-from casebase.database import WRITING, create_engine_for, sqlite_url, upgrade_database
 from casebase.errors import StaleVersionError
 from casebase.recordings import DISCARDED
+from casebase.store import audit, leases
+from casebase.store.audio_store import AudioStore
+from casebase.store.counter import has_changed
+from casebase.store.database import WRITING, create_engine_for, sqlite_url, upgrade_database
 
 TABLES = "tables"
 

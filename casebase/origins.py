@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from sqlalchemy import ColumnElement, exists, or_, select
 from sqlalchemy.orm import Session, aliased
 
-from casebase.models import Artifact, Case, StoredRecording
+from casebase.store.models import Artifact, Case, StoredRecording
 
 MEASURED, SIMULATED = "measured", "simulated"
 DEMO = "demo"

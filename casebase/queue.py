@@ -15,8 +15,8 @@ from sqlalchemy import Select, and_, exists, func, or_, select
 from sqlalchemy.orm import Session, aliased
 
 from casebase.labels import BASELINES
-from casebase.models import Case, StoredDiagnosis, StoredRecording
 from casebase.origins import is_measured
+from casebase.store.models import Case, StoredDiagnosis, StoredRecording
 
 UNKNOWN, UNDECIDED, FAULT = "not_in_library", "ambiguous", "diagnosed"
 Reason = Literal["not_in_library", "ambiguous", "fault"]

@@ -12,15 +12,15 @@ from sqlalchemy import Select, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from casebase import audit
-from casebase.audio_store import AudioStore, StoredBytes
-from casebase.database import strict_json
 from casebase.description import RecordingDescription
-from casebase.models import Extractor, FeatureRow, StoredRecording, new_id
-from casebase.signals.features import Extraction, FeatureVector
-from casebase.signals.fingerprint import fingerprints
-from casebase.signals.recording import Recording
 from casebase.sounds import find_sound, keep_sound
+from casebase.store import audit
+from casebase.store.audio_store import AudioStore, StoredBytes
+from casebase.store.database import strict_json
+from casebase.store.models import Extractor, FeatureRow, StoredRecording, new_id
+from signals.features import Extraction, FeatureVector
+from signals.fingerprint import fingerprints
+from signals.recording import Recording
 
 DISCARDED = "discarded_files"
 """In a session's `info`: hashes of the files that are to go when it is committed."""

@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from casebase.artifacts import add_artifact
-from casebase.case_table import CaseTable, numbered
-from casebase.diagnosis import Reasoner
 from casebase.errors import InvalidRequestError, NotFoundError
 from casebase.library import CaseLibrary
-from casebase.models import Artifact, Case, StoredRecording
-from casebase.novelty import spread_out
-from casebase.similarity import Floats
+from casebase.reasoning.diagnosis import Reasoner
+from casebase.reasoning.novelty import spread_out
+from casebase.search.case_table import CaseTable, numbered
+from casebase.search.similarity import Floats
 from casebase.sounds import other_gearbox
+from casebase.store.artifacts import add_artifact
+from casebase.store.models import Artifact, Case, StoredRecording
 
 KIND = "review"
 MOST_ASKED, NEWEST = 10_000, 4_000  # cases looked at while somebody waits, the newest among them

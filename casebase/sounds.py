@@ -12,12 +12,12 @@ import numpy as np
 from sqlalchemy import insert, select
 from sqlalchemy.orm import Session, undefer
 
-from casebase.audio_store import AudioStore
-from casebase.models import Case, LibraryCounter, SoundKey, StoredRecording
-from casebase.signals.decode import read_recording
-from casebase.signals.errors import SignalError
-from casebase.signals.fingerprint import LARGEST_DIFFERENCE, Fingerprint, Words, difference, same_samples
-from casebase.signals.recording import Recording
+from casebase.store.audio_store import AudioStore
+from casebase.store.models import Case, LibraryCounter, SoundKey, StoredRecording
+from signals.errors import SignalError
+from signals.fingerprint import LARGEST_DIFFERENCE, Fingerprint, Words, difference, same_samples
+from signals.reading.decode import read_recording
+from signals.recording import Recording
 
 MOST_HELD_AGAINST = 256
 """Of the recordings that share a word; those that share most come first."""

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from casebase import audit
-from casebase.counter import count_change
 from casebase.cycle.retain import RETAINED, TAKEN_BACK, kept_document, take_back
 from casebase.cycle.revise import CHANGED
 from casebase.diagnoses import REVISED, get_diagnosis, restore_revision, revision_document
 from casebase.errors import ConflictError, NotFoundError
-from casebase.models import AuditEntry, Case, new_id, now
+from casebase.store import audit
+from casebase.store.counter import count_change
+from casebase.store.models import AuditEntry, Case, new_id, now
 
 KINDS = (REVISED, RETAINED, CHANGED)
 UNDONE = "step.taken_back"

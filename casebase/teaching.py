@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from casebase.evaluation import Evaluation, Outcome, Proportion
+from casebase.reasoning.evaluation import Evaluation, Outcome, Proportion
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """What a library that grew needs: the table of a large one is written again."""
 
-from casebase.kept_table import name_table, outgrown, remove_others, write_table
 from casebase.library import CaseLibrary
-from casebase.signals.features import EXTRACTOR_VERSION
+from casebase.search.stored_table import name_table, outgrown, remove_others, write_table
+from signals.features import EXTRACTOR_VERSION
 
 
 def keep_table(library: CaseLibrary, actor: str, extractor_version: str = EXTRACTOR_VERSION) -> bool:

@@ -2,7 +2,7 @@
 
 from alembic import context
 
-from casebase.models import Base
+from casebase.store.models import Base
 
 context.configure(
     connection=context.config.attributes["connection"],

@@ -4,11 +4,11 @@ import sys
 from dataclasses import replace
 
 from sim.assembly import drive_train_of
-from sim.discrepancy.data.validation import examine
-from sim.discrepancy.estimation.problem import Problem
-from sim.discrepancy.estimation.whitening import Noise
 from sim.experiment.paper_axis import PAPER_AXIS
 from sim.experiment.virtual_measurement import measure
+from sim.investigation.data.validation import examine
+from sim.investigation.estimation.problem import Problem
+from sim.investigation.estimation.whitening import Noise
 from sim.solver import simulate
 
 

@@ -10,7 +10,7 @@ from hypothesis import settings
 
 from benchmarks.harness import postgres
 from benchmarks.harness.live import LiveServer, started
-from casebase.database import create_engine_for, sqlite_url, upgrade_database
+from casebase.store.database import create_engine_for, sqlite_url, upgrade_database
 
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")

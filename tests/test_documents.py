@@ -12,9 +12,9 @@ import typer
 from typer.main import get_command
 
 from app.cli import COMMANDS
-from casebase.signals.channel_map import channel_map_of
-from casebase.signals.quality import DISTURBANCES
-from casebase.signals.telemetry import CHANNELS, TIME
+from signals.columns.channel_map import channel_map_of
+from signals.recording_quality.quality import DISTURBANCES
+from signals.telemetry import CHANNELS, TIME
 from sim.description.axis import Axis, Load, LoadEncoder, Motion, Motor, Servo, Stage, Transmission
 from sim.description.axis_document import read_axis
 from sim.mechanisms import MECHANISMS

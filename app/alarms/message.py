@@ -8,7 +8,7 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 from app.report.words import VERDICTS, name_of, one_of
-from casebase.models import Delivery
+from casebase.store.models import Delivery
 
 SCHEMA = "gearcase-alarm/1"
 DISCLAIMER = "This is an aid for people who maintain gearboxes, not a safety function."

@@ -17,7 +17,7 @@ from app.jobs.job import JobKind, Json, Report
 from app.settings import Settings, settings_of
 from casebase.alarms import outbox
 from casebase.library import CaseLibrary
-from casebase.models import AlarmReceiver, Delivery, now
+from casebase.store.models import AlarmReceiver, Delivery, now
 
 ACTOR = "alarms"
 RETRIES = tuple(

@@ -9,7 +9,7 @@ from app.fleet import Fleet, Gearbox
 from app.periodic import Periodic
 from casebase.alarms.rules import asks_for_changes, newly_silent, review, review_changes, unsettled
 from casebase.library import CaseLibrary
-from casebase.models import now
+from casebase.store.models import now
 
 ACTOR = "alarms"
 EVERY_S = 600.0

@@ -7,12 +7,12 @@ from pydantic import Field, StringConstraints
 from sqlalchemy.orm import Session
 
 from app.documents import Answer, Cursor, Identifier, Instant, Limit, PageOf, Question, page_of
-from app.idempotency import Made, OnlyOnce
-from app.security import Admin
+from app.http.idempotency import Made, OnlyOnce
+from app.http.security import Admin
 from app.service import Reading, TheService
 from casebase.alarms import outbox, rules
-from casebase.fields import AxisName, Label, Positive, Word
-from casebase.models import AlarmReceiver
+from casebase.store.fields import AxisName, Label, Positive, Word
+from casebase.store.models import AlarmReceiver
 
 router = APIRouter(prefix="/alarms", tags=["alarms"])
 

@@ -5,9 +5,9 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 
 from app.documents import AuditAnswer, Limit, PageOf
-from app.security import Admin
+from app.http.security import Admin
 from app.service import Reading
-from casebase import audit
+from casebase.store import audit
 
 router = APIRouter(tags=["keys and audit"])
 

@@ -7,15 +7,16 @@ from fastapi import APIRouter, Depends, Path, Query, Request, Response, status
 from fastapi.concurrency import run_in_threadpool
 from sqlalchemy.orm import Session
 
-from app.axis_schema import axis_schema
+from app.axes.axis_schema import axis_schema
 from app.documents import CONTINUES, AxisAnswer, Limit, PageOf, page_of
-from app.errors import UnsupportedMedia
-from app.headers import location
-from app.idempotency import Made, OnlyOnce
-from app.security import Admin, Viewer
+from app.http.errors import UnsupportedMedia
+from app.http.headers import location
+from app.http.idempotency import Made, OnlyOnce
+from app.http.security import Admin, Viewer
 from app.service import Reading, TheService
-from casebase import axes, revisions
-from casebase.models import AxisRevision
+from casebase import axes
+from casebase.store import revisions
+from casebase.store.models import AxisRevision
 from sim.description.axis_document import parse_axis, read_axis
 
 router = APIRouter(tags=["axes"])

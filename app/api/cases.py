@@ -22,19 +22,19 @@ from app.documents import (
     page_found,
     page_of,
 )
-from app.errors import IfMatchRequired, Stale, validation_problem
-from app.headers import IfNoneMatch, has_already, not_modified
-from app.idempotency import Made, Once, OnlyOnce
-from app.intake import take_in
-from app.metadata import CaseMetadata, read_metadata
-from app.security import Admin, Viewer
+from app.http.errors import IfMatchRequired, Stale, validation_problem
+from app.http.headers import IfNoneMatch, has_already, not_modified
+from app.http.idempotency import Made, Once, OnlyOnce
+from app.http.security import Admin, Viewer
+from app.http.uploads import MaybeUpload, Upload, multipart_body
+from app.recordings.intake import take_in
+from app.recordings.metadata import CaseMetadata, read_metadata
 from app.service import Reading, Service, TheService
-from app.uploads import MaybeUpload, Upload, multipart_body
-from casebase.case_filter import CaseFilter
-from casebase.counter import library_version
-from casebase.fields import Verified
-from casebase.models import Case
-from casebase.signals.text import text_of
+from casebase.search.case_filter import CaseFilter
+from casebase.store.counter import library_version
+from casebase.store.fields import Verified
+from casebase.store.models import Case
+from signals.reading.text import text_of
 
 router = APIRouter(tags=["cases"])
 StateFilter = Annotated[

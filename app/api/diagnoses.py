@@ -16,16 +16,16 @@ from app.documents import (
     page_found,
     page_of,
 )
-from app.gate import Looking
-from app.headers import chosen
-from app.idempotency import Made, OnlyOnce
-from app.intake import take_in
-from app.metadata import RecordingMetadata, read_metadata
+from app.http.concurrency_limiter import Looking
+from app.http.headers import chosen
+from app.http.idempotency import Made, OnlyOnce
+from app.http.security import Operator, Viewer
+from app.http.uploads import TheUpload, multipart_body
+from app.recordings.intake import take_in
+from app.recordings.metadata import RecordingMetadata, read_metadata
 from app.report.diagnosis_view import diagnosis_html, view_of
 from app.report.self_contained import self_contained
-from app.security import Operator, Viewer
 from app.service import Reading, TheService
-from app.uploads import TheUpload, multipart_body
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
 
 router = APIRouter(tags=["diagnoses"])

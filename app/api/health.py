@@ -13,9 +13,9 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from sqlalchemy import text
 from sqlalchemy.exc import SQLAlchemyError
 
-from app.errors import Unavailable
-from app.reference import reference_page
-from app.security import Viewer
+from app.http.errors import Unavailable
+from app.http.reference import reference_page
+from app.http.security import Viewer
 from app.service import Service, TheService, service_of
 
 PROBES = ThreadPoolExecutor(2, thread_name_prefix="probe")

@@ -13,9 +13,11 @@ from sqlalchemy.orm import Session
 
 from app.api.jobs import JobDocument
 from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, RobotAnswer, page_of
-from app.errors import Unprocessable
-from app.headers import chosen, location
-from app.idempotency import Made, OnlyOnce
+from app.http.errors import Unprocessable
+from app.http.headers import chosen, location
+from app.http.idempotency import Made, OnlyOnce
+from app.http.security import Admin, Operator, Viewer
+from app.http.uploads import TheUpload, Upload
 from app.investigations import (
     KIND,
     Measured,
@@ -31,17 +33,15 @@ from app.investigations import (
 )
 from app.report.self_contained import self_contained
 from app.robots import BINARY, robot_of
-from app.security import Admin, Operator, Viewer
 from app.service import Reading, Service, TheService
-from app.uploads import TheUpload, Upload
 from casebase.axes import get_axis
 from casebase.diagnoses import get_diagnosis
-from casebase.models import RobotRevision, StoredInvestigation
-from casebase.pages import page
-from casebase.signals.table_kinds import table_kinds
+from casebase.store.models import RobotRevision, StoredInvestigation
+from casebase.store.pagination import page
+from signals.columns.table_kinds import table_kinds
 from sim.description.axis import Axis
 from sim.description.axis_document import parse_axis, read_axis
-from sim.discrepancy.report.comparison import Became
+from sim.investigation.report.comparison import Became
 
 router = APIRouter(tags=["investigations"])
 PARTS = (

@@ -10,8 +10,8 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic import BaseModel, ConfigDict
 
 from app.documents import CONTINUES, Limit, PageOf, page_of
+from app.http.security import Operator
 from app.jobs.job import Job, JobState
-from app.security import Operator
 from app.service import TheJobs, TheService
 
 router = APIRouter(tags=["jobs"])

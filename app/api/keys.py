@@ -3,10 +3,10 @@
 from fastapi import APIRouter, Response, status
 from sqlalchemy.orm import Session
 
-from app import keys
 from app.documents import Cursor, Identifier, KeyAnswer, KeyRequest, Limit, NewKey, PageOf, page_of
-from app.idempotency import Made, OnlyOnce
-from app.security import Admin
+from app.http import keys
+from app.http.idempotency import Made, OnlyOnce
+from app.http.security import Admin
 from app.service import Reading, TheService
 
 router = APIRouter(tags=["keys and audit"])

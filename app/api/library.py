@@ -6,7 +6,7 @@ from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
 
 from app.documents import EvaluationAnswer
-from app.security import Viewer
+from app.http.security import Viewer
 from app.service import Reading, TheService
 from casebase.review import review
 

@@ -5,9 +5,9 @@ from dataclasses import asdict
 from fastapi import APIRouter
 
 from app.documents import LimitsAnswer
-from app.security import Viewer
+from app.http.security import Viewer
 from app.service import TheService
-from casebase.signals.decode import LIMITS
+from signals.reading.decode import LIMITS
 
 router = APIRouter(tags=["service"])
 

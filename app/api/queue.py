@@ -7,11 +7,11 @@ from pydantic import BaseModel, Field
 from sqlalchemy import select
 
 from app.documents import Cursor, DiagnosisAnswer, Limit
-from app.security import Viewer
+from app.http.security import Viewer
 from app.service import Reading, TheService
 from casebase.errors import ConflictError
-from casebase.models import StoredDiagnosis
 from casebase.queue import reason_of, waiting
+from casebase.store.models import StoredDiagnosis
 
 router = APIRouter(tags=["diagnoses"])
 

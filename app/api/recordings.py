@@ -11,21 +11,21 @@ from fastapi import APIRouter, Header, Query, Request, Response, status
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel
 
-from app import views
 from app.documents import Answer, ErasedAnswer, Identifier, RecordingAnswer
-from app.errors import RangeNotSatisfiable
-from app.gate import Looking
-from app.headers import IfNoneMatch, chosen, has_already, not_modified
-from app.intake import media_type_of
+from app.http.concurrency_limiter import Looking
+from app.http.errors import RangeNotSatisfiable
+from app.http.headers import IfNoneMatch, chosen, has_already, not_modified
+from app.http.security import Admin, Viewer
+from app.recordings import views
+from app.recordings.intake import media_type_of
 from app.report.recorded import decoded
-from app.security import Admin, Viewer
 from app.service import Reading, Service, TheService
-from casebase import erasing
-from casebase.models import Extractor, StoredRecording
 from casebase.recordings import named_features
-from casebase.signals.crest import WINDOW_S
-from casebase.signals.features import EXTRACTOR_VERSION, catalogue
-from casebase.signals.filters import PAPER_CUTOFF_HZ
+from casebase.store import erasing
+from casebase.store.models import Extractor, StoredRecording
+from signals.crest import WINDOW_S
+from signals.features import EXTRACTOR_VERSION, catalogue
+from signals.filters import PAPER_CUTOFF_HZ
 
 router = APIRouter(prefix="/recordings/{recording_id}", tags=["recordings"])
 

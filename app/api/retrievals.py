@@ -2,13 +2,13 @@
 
 from fastapi import APIRouter
 
-from app.errors import Unprocessable
-from app.intake import decoded, hear
-from app.metadata import RecordingMetadata, read_metadata
-from app.neighbours import NeighbourQuery, RetrievalAnswer, neighbours_of, neighbours_of_stored
-from app.security import Viewer
+from app.http.errors import Unprocessable
+from app.http.security import Viewer
+from app.http.uploads import TheUpload, multipart_body
+from app.recordings.intake import decoded, hear
+from app.recordings.metadata import RecordingMetadata, read_metadata
+from app.recordings.neighbours import NeighbourQuery, RetrievalAnswer, neighbours_of, neighbours_of_stored
 from app.service import TheService
-from app.uploads import TheUpload, multipart_body
 
 router = APIRouter(tags=["retrievals"])
 

@@ -7,14 +7,14 @@ from sqlalchemy.orm import Session
 
 from app.api.axes import AfterName, AfterRevision, Revision
 from app.documents import Limit, PageOf, RobotAnswer, page_of
-from app.headers import location
-from app.idempotency import Made, OnlyOnce
+from app.http.headers import location
+from app.http.idempotency import Made, OnlyOnce
+from app.http.security import Admin, Viewer
+from app.http.uploads import TheUpload
 from app.robots import PARTS, ROBOT_PARTS, add_robot, described_robot
-from app.security import Admin, Viewer
 from app.service import Reading
-from app.uploads import TheUpload
-from casebase import revisions
-from casebase.models import RobotRevision
+from casebase.store import revisions
+from casebase.store.models import RobotRevision
 
 router = APIRouter(tags=["robots"])
 

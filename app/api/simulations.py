@@ -8,10 +8,10 @@ from sqlalchemy.orm import Session
 
 from app.api.jobs import JobDocument
 from app.documents import Question
-from app.generation import KIND, Campaign, fitted_microphones
-from app.idempotency import Made, OnlyOnce
-from app.security import Admin
+from app.http.idempotency import Made, OnlyOnce
+from app.http.security import Admin
 from app.service import Service
+from app.simulated.generation import KIND, Campaign, fitted_microphones
 from casebase.axes import get_axis
 from casebase.description import check_name
 from sim.description.axis import Axis

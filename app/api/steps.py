@@ -7,14 +7,14 @@ from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 
 from app.documents import Instant
-from app.errors import Forbidden
-from app.idempotency import Made, OnlyOnce
+from app.http.errors import Forbidden
+from app.http.idempotency import Made, OnlyOnce
+from app.http.security import Operator, Role, Viewer
 from app.report.steps import described
-from app.security import Operator, Role, Viewer
 from app.service import Reading
 from casebase.errors import NotFoundError
-from casebase.models import AuditEntry
 from casebase.steps import entries_of, standing, stands, undo
+from casebase.store.models import AuditEntry
 
 router = APIRouter(tags=["steps"], prefix="/steps")
 LARGEST = 2**31 - 1

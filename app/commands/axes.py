@@ -62,8 +62,8 @@ def template(
     name: Annotated[str, typer.Option("--name", help="of the axis")] = "axis",
 ) -> None:
     """Print an axis.toml with a usual gear unit, to be filled from the data sheet."""
-    from app.axis_templates import TEMPLATES
-    from app.errors import Unprocessable
+    from app.axes.axis_templates import TEMPLATES
+    from app.http.errors import Unprocessable
     from sim.description.axis_document import read_axis, write_axis
 
     frame = frame_of(context)
@@ -117,8 +117,8 @@ def change(
 
 def _set(document: dict[str, Any], path: str, text: str) -> None:
     """Put a number with its unit where a key of the description says."""
-    from app.axis_units import in_si
-    from app.errors import Unprocessable
+    from app.axes.axis_units import in_si
+    from app.http.errors import Unprocessable
 
     table_name, _, rest = path.partition(".")
     table: dict[str, Any]

@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from app.commands.frame import Json, frame_of
-from casebase import backup as backups
 from casebase.errors import BackupError
+from casebase.store import backup as backups
 
 
 def register(app: typer.Typer) -> None:

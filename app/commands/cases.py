@@ -14,15 +14,15 @@ from app.commands.frame import ACTOR, Json, Steady, frame_of
 from app.commands.review import review
 from app.commands.sounds import MEANT, Sound, sounds
 from app.documents import CaseAnswer
-from app.intake import media_type_of, take_in
-from app.metadata import CaseMetadata
-from casebase.bundle import export_cases, import_cases
-from casebase.case_filter import CaseFilter
-from casebase.counter import library_version
+from app.recordings.intake import media_type_of, take_in
+from app.recordings.metadata import CaseMetadata
 from casebase.errors import DuplicateError, LibraryError
-from casebase.fields import Verified
 from casebase.library import CaseLibrary
-from casebase.signals.errors import SignalError
+from casebase.search.case_filter import CaseFilter
+from casebase.store.bundle import export_cases, import_cases
+from casebase.store.counter import library_version
+from casebase.store.fields import Verified
+from signals.errors import SignalError
 from sim.description.axis import Axis
 
 cases = typer.Typer(help="Add, list, export and import cases.", no_args_is_help=True)

@@ -10,9 +10,9 @@ import typer
 
 from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import Frame, frame_of
-from app.comparison import CAUSES, Comparison, FamilyGap, Gain, compare
-from app.place import measured_recordings
-from casebase.signals.features import feature_words
+from app.simulated.comparison import CAUSES, Comparison, FamilyGap, Gain, compare
+from app.simulated.transfer_path import measured_recordings
+from signals.features import feature_words
 
 SURE = 0.05
 

@@ -12,13 +12,13 @@ from app.commands.faults import sentence
 from app.commands.frame import ACTOR, Frame, Steady, frame_of
 from app.commands.sounds import MEANT, Sound, sounds
 from app.documents import DiagnosisAnswer
-from app.intake import media_type_of, take_in
-from app.metadata import RecordingMetadata
+from app.recordings.intake import media_type_of, take_in
+from app.recordings.metadata import RecordingMetadata
 from app.report.formatting import sentence as sentence_of
 from app.report.words import is_poor, names_fault, remarks_beside, verdict_of
 from casebase.labels import BASELINES
 from casebase.library import CaseLibrary
-from casebase.signals.errors import SignalError
+from signals.errors import SignalError
 from sim.description.axis import Axis
 
 

@@ -12,19 +12,19 @@ from sqlalchemy import exists, func, select
 from sqlalchemy.orm import Session
 
 from app.api.health import FREE_BYTES
+from app.cleanup import leftovers
 from app.commands.exit_codes import FAILURE
 from app.commands.frame import frame_of
+from app.http.keys import Role
 from app.investigations import PARTS, files_of
-from app.keys import Role
-from app.leftovers import leftovers
-from casebase.audio_store import sha256_of
 from casebase.errors import NotFoundError
 from casebase.library import CaseLibrary
-from casebase.models import ApiKey, FeatureRow, StoredInvestigation, StoredRecording
-from casebase.signals.decode import warm_up
-from casebase.signals.errors import DecoderUnavailableError
-from casebase.signals.features import EXTRACTOR_VERSION
-from casebase.soundness import RESTORE, faults_of
+from casebase.store.audio_store import sha256_of
+from casebase.store.integrity import RESTORE, faults_of
+from casebase.store.models import ApiKey, FeatureRow, StoredInvestigation, StoredRecording
+from signals.errors import DecoderUnavailableError
+from signals.features import EXTRACTOR_VERSION
+from signals.reading.decode import warm_up
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from rich.table import Table
 from sqlalchemy.orm import Session
 
 from app.commands.frame import Frame, frame_of
-from casebase.evaluation import Evaluation, Proportion
 from casebase.library import CaseLibrary
+from casebase.reasoning.evaluation import Evaluation, Proportion
 
 
 def register(app: typer.Typer) -> None:

@@ -6,11 +6,11 @@ from sqlalchemy.exc import OperationalError
 
 from app.commands.exit_codes import BAD_INPUT, FAILURE
 from app.jobs.job import JobError, JobFailedError
-from app.microphone import MicrophoneError
-from app.remote import RemoteError, UnreachableError
+from app.recordings.microphone import MicrophoneError
+from app.recordings.remote import RemoteError, UnreachableError
 from casebase.errors import DamagedError, LibraryError
-from casebase.signals.errors import DecoderUnavailableError, SignalError
-from casebase.soundness import RESTORE, is_damaged
+from casebase.store.integrity import RESTORE, is_damaged
+from signals.errors import DecoderUnavailableError, SignalError
 from sim.errors import RunError, SimulationError
 
 CODES: dict[type[Exception], int] = {

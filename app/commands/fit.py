@@ -9,7 +9,7 @@ from rich.table import Table
 
 from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import ACTOR, Frame, frame_of
-from app.place import FittedPlace, fit_place, keep, measured_recordings
+from app.simulated.transfer_path import FittedPlace, fit_place, keep, measured_recordings
 
 SHOWN = 8
 

@@ -17,7 +17,7 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from app.finite import finite
+from app.http.finite import finite
 
 if TYPE_CHECKING:
     from app.settings import Settings

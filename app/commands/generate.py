@@ -12,9 +12,9 @@ from pydantic import BaseModel, ConfigDict
 
 from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import Frame, frame_of
-from app.generation import Campaign, Outcome, fitted_microphones, generate
+from app.simulated.generation import Campaign, Outcome, fitted_microphones, generate
 from casebase.library import CaseLibrary
-from casebase.signals.text import text_of
+from signals.reading.text import text_of
 from sim.experiment.design_of_experiments import DURATION_S, LABELS, labels
 
 

@@ -12,24 +12,24 @@ import typer
 
 from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import Frame, frame_of
-from app.sound import read_sound
-from casebase.signals.errors import SignalError
-from casebase.signals.recording import Recording
-from casebase.signals.table_kinds import table_kinds
-from casebase.signals.telemetry import Telemetry, read_telemetry
-from casebase.signals.text import text_of
+from app.recordings.sound import read_sound
+from signals.columns.table_kinds import table_kinds
+from signals.errors import SignalError
+from signals.reading.text import text_of
+from signals.recording import Recording
+from signals.telemetry import Telemetry, read_telemetry
 from sim.description.axis_document import write_axis
-from sim.discrepancy.data.pairing import check_pairs
-from sim.discrepancy.investigation import Progress, investigate
-from sim.discrepancy.pooling.joint_investigation import investigate_together
-from sim.discrepancy.pooling.pooled_estimates import Taken
-from sim.discrepancy.report.box import unexplained_words
-from sim.discrepancy.report.checks import ROWS, checked
-from sim.discrepancy.report.formatting import angle, likely, named
-from sim.discrepancy.report.html import html_report
-from sim.discrepancy.report.joint_html import html_report_together
-from sim.discrepancy.report.wording import headline
-from sim.discrepancy.results import Estimate, Investigation
+from sim.investigation.data.pairing import check_pairs
+from sim.investigation.investigate import Progress, investigate
+from sim.investigation.pooling.joint_investigation import investigate_together
+from sim.investigation.pooling.pooled_estimates import Taken
+from sim.investigation.report.box import unexplained_words
+from sim.investigation.report.checks import ROWS, checked
+from sim.investigation.report.formatting import angle, likely, named
+from sim.investigation.report.html import html_report
+from sim.investigation.report.joint_html import html_report_together
+from sim.investigation.report.wording import headline
+from sim.investigation.results import Estimate, Investigation
 
 Read = TypeVar("Read")
 Done = TypeVar("Done")

@@ -7,7 +7,7 @@ from rich.table import Table
 
 from app.commands.frame import ACTOR, Json, frame_of
 from app.documents import KeyAnswer
-from app.keys import Role, create_key, list_keys, revoke_key
+from app.http.keys import Role, create_key, list_keys, revoke_key
 
 keys = typer.Typer(help="Make, list and revoke keys.", no_args_is_help=True)
 

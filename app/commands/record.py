@@ -10,14 +10,14 @@ from app.commands.axis import METAVAR, NAMED, axis_name
 from app.commands.exit_codes import BAD_INPUT, DONE
 from app.commands.frame import Frame, Steady, frame_of
 from app.commands.watch import Service
-from app.metadata import RecordingMetadata
-from app.microphone import Level, listed, opened, record
 from app.process import stop_on_signals
-from app.remote import Remote
+from app.recordings.metadata import RecordingMetadata
+from app.recordings.microphone import Level, listed, opened, record
+from app.recordings.remote import Remote
+from app.recordings.sound import read_sound
 from app.report.words import verdict_of
-from app.sound import read_sound
-from casebase.signals.features import extract
-from casebase.signals.quality import QualityFlag, Severity
+from signals.features import extract
+from signals.recording_quality.quality import QualityFlag, Severity
 
 
 def register(app: typer.Typer) -> None:

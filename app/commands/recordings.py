@@ -6,9 +6,9 @@ import typer
 
 from app.commands.frame import ACTOR, Json, frame_of
 from app.documents import ErasedAnswer
-from app.retention import erase_old
-from casebase.erasing import erase as erase_audio
+from app.recordings.retention import erase_old
 from casebase.errors import InvalidRequestError
+from casebase.store.erasing import erase as erase_audio
 
 recordings = typer.Typer(help="Erase the audio of recordings.", no_args_is_help=True)
 Yes = Annotated[bool, typer.Option("--yes", help="do not ask")]

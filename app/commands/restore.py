@@ -8,8 +8,8 @@ import typer
 from sqlalchemy import make_url
 
 from app.commands.frame import ACTOR, Frame, Json, frame_of
-from casebase import backup as backups
-from casebase.database import create_engine_for
+from casebase.store import backup as backups
+from casebase.store.database import create_engine_for
 
 
 def register(app: typer.Typer) -> None:
@@ -45,8 +45,8 @@ def restore(
 
 def _erase_again(frame: Frame, ids: Sequence[str]) -> int:
     """Erase what a later backup says was erased; return how many recordings came back and are gone again."""
-    from casebase.erasing import erase
-    from casebase.models import StoredRecording
+    from casebase.store.erasing import erase
+    from casebase.store.models import StoredRecording
 
     with frame.library() as library, library.transaction(ACTOR) as session:
         known = [row for row in (session.get(StoredRecording, each) for each in ids) if row is not None]

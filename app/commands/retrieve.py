@@ -8,10 +8,10 @@ from rich.table import Table
 
 from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import Frame, Json, Steady, frame_of
-from app.intake import decoded, hear, media_type_of
-from app.metadata import RecordingMetadata
-from app.neighbours import MOST_NEIGHBOURS, NeighbourAnswer, NeighbourQuery, RetrievalAnswer, neighbours_of
-from casebase.signals.features import feature_words
+from app.recordings.intake import decoded, hear, media_type_of
+from app.recordings.metadata import RecordingMetadata
+from app.recordings.neighbours import MOST_NEIGHBOURS, NeighbourAnswer, NeighbourQuery, RetrievalAnswer, neighbours_of
+from signals.features import feature_words
 
 SHOWN_FEATURES = 3
 

@@ -12,15 +12,15 @@ import uvicorn
 
 from app.commands.frame import ACTOR, Frame, frame_of
 from app.commands.worker import LogFolder, worker_child
-from app.connections import BACKLOG, Wants, protocol_of
-from app.keys import Role, create_key, list_keys
+from app.http.connections import BACKLOG, Wants, protocol_of
+from app.http.keys import Role, create_key, list_keys
+from app.http.metrics import Metrics
 from app.logs import configure_logs
 from app.main import create_app
-from app.metrics import Metrics
 from app.process import leave
 from app.service import Service
 from casebase.errors import DamagedError
-from casebase.soundness import RESTORE, cut_logs, faults_of
+from casebase.store.integrity import RESTORE, cut_logs, faults_of
 
 RULE = "\N{BOX DRAWINGS HEAVY HORIZONTAL}" * 75
 STOPPING_S = 4

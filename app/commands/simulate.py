@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import Frame, frame_of
-from app.simulation_files import write_events, write_sound, write_table, write_telemetry
+from app.simulated.simulation_files import write_events, write_sound, write_table, write_telemetry
 from sim.errors import ParameterError, near_match
 
 if TYPE_CHECKING:

@@ -11,15 +11,15 @@ import typer
 
 from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import Frame, frame_of
-from app.generation import fitted_microphones
-from app.intake import mesh_orders, shaft_orders
-from app.sizing import RUNS, Taken, design_for
-from app.sound import read_sound
-from casebase.severity import COVERAGE, PARAMETERS, Severity
-from casebase.signals.condition import OperatingCondition
-from casebase.signals.features import extract
-from sim.discrepancy.report.formatting import angle
+from app.recordings.intake import mesh_orders, shaft_orders
+from app.recordings.sound import read_sound
+from app.simulated.generation import fitted_microphones
+from app.simulated.severity_by_simulation import RUNS, Taken, design_for
+from casebase.reasoning.severity import COVERAGE, PARAMETERS, Severity
+from signals.condition import OperatingCondition
+from signals.features import extract
 from sim.errors import ParameterError
+from sim.investigation.report.formatting import angle
 
 LIBRARY, SIMULATION = "measured cases of the library", "simulation of this recording"
 

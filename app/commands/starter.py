@@ -10,12 +10,12 @@ import typer
 
 from app.commands.frame import frame_of
 from app.commands.generate import with_progress
-from app.generation import Campaign, simulate_case
-from app.intake import DEMO, take_in
-from app.metadata import RecordingMetadata
-from casebase.artifacts import active_artifact, add_artifact
+from app.recordings.intake import DEMO, take_in
+from app.recordings.metadata import RecordingMetadata
+from app.simulated.generation import Campaign, simulate_case
 from casebase.axes import add_axis
 from casebase.library import CaseLibrary
+from casebase.store.artifacts import active_artifact, add_artifact
 from sim.experiment.design_of_experiments import LABELS, plan
 from sim.experiment.paper_axis import PAPER_AXIS
 

@@ -8,11 +8,11 @@ import typer
 from app.commands.axis import METAVAR, NAMED, axis_name
 from app.commands.exit_codes import DONE
 from app.commands.frame import Frame, Steady, frame_of
-from app.metadata import RecordingMetadata
 from app.process import stop_on_signals
-from app.remote import RefusedError, Remote, UnreachableError
+from app.recordings.metadata import RecordingMetadata
+from app.recordings.remote import RefusedError, Remote, UnreachableError
+from app.recordings.watch_folder import MEMORY, SETTLED_S, Candidate, Memory, WatchFolder
 from app.report.words import verdict_of
-from app.watch_folder import MEMORY, SETTLED_S, Candidate, Memory, WatchFolder
 
 EVERY_S, LONGEST_S = 1.0, 60.0
 Service = Annotated[str, typer.Option(envvar="GEARCASE_URL", help="address of the service; its key is in GEARCASE_KEY")]

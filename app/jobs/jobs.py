@@ -23,12 +23,12 @@ from sqlalchemy import ColumnElement, make_url, or_, select, tuple_
 from sqlalchemy.orm import Session
 
 from app.jobs.job import Job, JobError, JobEvent, JobNotFoundError, JobState, JobStateError, Json, Progress
-from casebase import leases
-from casebase.database import impatient
 from casebase.errors import InvalidCursorError
 from casebase.library import CaseLibrary
-from casebase.models import StoredJob, new_id, now
-from casebase.pages import Page, cut
+from casebase.store import leases
+from casebase.store.database import impatient
+from casebase.store.models import StoredJob, new_id, now
+from casebase.store.pagination import Page, cut
 
 if TYPE_CHECKING:
     from dbos import DBOSClient, EnqueueOptions, WorkflowStatus

@@ -10,7 +10,7 @@ from app.settings import Settings
 from casebase.library import CaseLibrary
 
 KINDS: dict[str, tuple[str, str]] = {
-    "simulations": ("app.generation", "simulations"),
+    "simulations": ("app.simulated.generation", "simulations"),
     "investigations": ("app.investigations", "investigations"),
     "deliveries": ("app.alarms.sending", "deliveries"),
 }

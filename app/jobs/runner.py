@@ -2,8 +2,8 @@
 
 A job of a kind is planned into tasks of 1 to 10 s, the tasks wait in a queue in the database, and every worker takes
 one at a time. A task may run again after its worker died, so `JobKind.run` has to give the same result, and leave the
-same behind, when it is repeated. What a worker does is written only while it holds its lease (`casebase.leases`); the
-engine, likewise, takes a result only from the one that claimed the task last.
+same behind, when it is repeated. What a worker does is written only while it holds its lease
+(`casebase.store.leases`); the engine, likewise, takes a result only from the one that claimed the task last.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from app.jobs.job import JobFailedError, JobKind, Json
 from app.jobs.jobs import ACTOR, APPLICATION, JOBS, POLL_S, PROGRESS, STATES, TASKS, VERSION, Jobs, prepare, reason_of
 from app.storage_faults import is_passing
-from casebase import leases
 from casebase.errors import LeaseLostError, StaleVersionError
-from casebase.leases import BEATS, LEASE_S, Silence
 from casebase.library import CaseLibrary
+from casebase.store import leases
+from casebase.store.leases import BEATS, LEASE_S, Silence
 
 WAITING_JOBS_PER_WORKER = 16  # a waiting job costs a sleeping thread, its tasks do the work
 RETRY_S = 1.0

@@ -7,14 +7,14 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from app import views
+from app.recordings import views
 from app.report.disturbed import stretches
 from app.report.svg import Axis, Band, Marker, Series, Stretch, line_chart, polar_chart
-from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
-from casebase.signals.band import Band as SignalBand
-from casebase.signals.disturbances import Survey
-from casebase.signals.fold import Fold
-from casebase.signals.recording import Recording
+from signals.analysis import ANALYSIS_RATE_HZ, Analysis
+from signals.band import Band as SignalBand
+from signals.recording import Recording
+from signals.recording_quality.disturbances import Survey
+from signals.synchronous_average import Fold
 
 SECTORS = 72
 SHOWN_POINTS = 6000

@@ -37,14 +37,14 @@ from casebase.axes import find_axis
 from casebase.gearbox_state import fault_before
 from casebase.gearboxes import History
 from casebase.labels import BASELINES
-from casebase.models import Case, StoredDiagnosis, StoredRecording
-from casebase.signals.crest import root_mean_square
-from casebase.signals.disturbances import Survey
-from casebase.signals.recording import Recording
-from casebase.trend import Trend, trend_of
+from casebase.reasoning.trend import Trend, trend_of
+from casebase.store.models import Case, StoredDiagnosis, StoredRecording
+from signals.crest import root_mean_square
+from signals.recording import Recording
+from signals.recording_quality.disturbances import Survey
 from sim.description.axis_document import read_axis
-from sim.discrepancy.report.box import as_new_of, as_new_words
 from sim.experiment.design_of_experiments import LABELS
+from sim.investigation.report.box import as_new_of, as_new_words
 from sim.mechanisms import MECHANISMS
 
 PEAKS = 400

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.report.svg import Stretch
-from casebase.signals.disturbances import Survey, flags
+from signals.recording_quality.disturbances import Survey, flags
 
 SHORT_S = 1.0
 """What is shorter has a time, what is longer a beginning and an end [s]."""

@@ -7,7 +7,7 @@ from typing import Any
 from markupsafe import Markup
 
 from app.report.formatting import percent, quantity, sentence
-from casebase.signals.features import catalogue, feature_words
+from signals.features import catalogue, feature_words
 
 PLOTS = (
     ("crest_factor", "crest"),

@@ -6,9 +6,9 @@ from typing import TypeVar
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from casebase.models import Extractor, FeatureRow
 from casebase.recordings import named_features
-from casebase.signals.features import EXTRACTOR_VERSION
+from casebase.store.models import Extractor, FeatureRow
+from signals.features import EXTRACTOR_VERSION
 
 SHOWN = ("crest_factor_whole_record", "crest_factor_low_pass_200_hz_whole_record", "rms", "peak")
 HELD = "features"

@@ -12,8 +12,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoes
 from markupsafe import Markup, escape
 
 from app.report.svg import shape_name, shape_path, sign_of
-from casebase.signals.features import feature_words
-from sim.discrepancy.report.formatting import angle, named, words_of
+from signals.features import feature_words
+from sim.investigation.report.formatting import angle, named, words_of
 
 FOLDER = Path(__file__).parents[1] / "web"
 STATIC = FOLDER / "static"

@@ -7,18 +7,18 @@ from typing import Any, Literal
 
 from sqlalchemy.orm import Session
 
-from app import views
-from app.errors import NotFound
+from app.http.errors import NotFound
+from app.recordings import views
 from app.report import charts
 from app.report.disturbed import stretches
 from app.report.features import stored_features
 from app.report.svg import Marker
 from app.service import Service
 from casebase.description import condition_of
-from casebase.models import StoredRecording
-from casebase.signals.analysis import Analysis
-from casebase.signals.disturbances import Survey, survey
-from casebase.signals.recording import Recording
+from casebase.store.models import StoredRecording
+from signals.analysis import Analysis
+from signals.recording import Recording
+from signals.recording_quality.disturbances import Survey, survey
 
 PlotName = Literal["waveform", "crest", "level", "spectrum", "orders", "fold"]
 COLUMNS = 800

@@ -9,7 +9,7 @@ from app.report.formatting import NO_BREAK
 from app.report.svg import shape_path
 from app.report.words import CHECKS, name_of, one_of
 from casebase.gearbox_state import NamedFault, Reason, Standing, State
-from casebase.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
+from casebase.reasoning.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
 
 SHAPES = {State.FAULT_LIKELY: "notch", State.WATCH: "play", State.GOOD: "normal"}
 """The label whose shape and colour a state shares; the others have those of what is unknown."""

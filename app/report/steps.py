@@ -8,8 +8,8 @@ from sqlalchemy.orm import Session
 from casebase.cycle.retain import RETAINED
 from casebase.cycle.revise import CHANGED
 from casebase.diagnoses import get_diagnosis
-from casebase.models import AuditEntry, Case
 from casebase.steps import entries_of, stands
+from casebase.store.models import AuditEntry, Case
 
 
 @dataclass(frozen=True)

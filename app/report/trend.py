@@ -9,9 +9,9 @@ import numpy as np
 from app.report.charts import Chart
 from app.report.svg import Band, Marker, Series
 from casebase.gearboxes import NOTE, History
-from casebase.signals.band import Band as SignalBand
-from casebase.signals.features import feature_words
-from casebase.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Followed, Trend
+from casebase.reasoning.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Followed, Trend
+from signals.band import Band as SignalBand
+from signals.features import feature_words
 
 LOW = SignalBand.LOW.label
 SHOWN = (

@@ -8,10 +8,10 @@ from markupsafe import Markup
 
 from app.report.formatting import percent, quantity, sentence
 from app.report.svg import sign_of
-from casebase.diagnosis import DIAGNOSED_FROM, EXCLUDED_BELOW
 from casebase.labels import BASELINES
-from sim.discrepancy.report.comparison import Row
-from sim.discrepancy.report.formatting import angle, likely, named
+from casebase.reasoning.diagnosis import DIAGNOSED_FROM, EXCLUDED_BELOW
+from sim.investigation.report.comparison import Row
+from sim.investigation.report.formatting import angle, likely, named
 from sim.mechanisms.mechanism import SECURED
 
 NAMES = {

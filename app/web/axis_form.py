@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from app.axis_units import in_si, units_of
+from app.axes.axis_units import in_si, units_of
 from sim.errors import ParameterError
 
 MOST_STAGES = 4

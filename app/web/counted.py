@@ -6,8 +6,8 @@ from weakref import WeakKeyDictionary
 
 from sqlalchemy.orm import Session
 
-from casebase.counter import library_version
 from casebase.library import CaseLibrary
+from casebase.store.counter import library_version
 
 Value = TypeVar("Value")
 _KEPT: WeakKeyDictionary[CaseLibrary, dict[str, tuple[int, object]]] = WeakKeyDictionary()

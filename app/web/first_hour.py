@@ -10,11 +10,11 @@ from app.report.formatting import percent, sentence
 from app.report.words import CALIBRATED_FROM, name_of
 from app.service import Service
 from app.web.counted import counted as kept_count
-from casebase.axis_cases import LabelCases, Taken, cases_of_axes
-from casebase.evaluation import Evaluation, Outcome, Proportion
 from casebase.labels import BASELINES
-from casebase.models import AxisRevision, StoredRecording
 from casebase.origins import MEASURED, SIMULATED
+from casebase.reasoning.evaluation import Evaluation, Outcome, Proportion
+from casebase.search.axis_cases import LabelCases, Taken, cases_of_axes
+from casebase.store.models import AxisRevision, StoredRecording
 from sim.description.axis_document import read_axis
 from sim.experiment.design_of_experiments import LABELS, obstacle
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session, defer
 
-from casebase.models import StoredInvestigation
+from casebase.store.models import StoredInvestigation
 
 Headlined = tuple[StoredInvestigation, str | None]
 _DOCUMENT = StoredInvestigation.document

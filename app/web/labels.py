@@ -7,10 +7,10 @@ from typing import Literal
 
 from pydantic import TypeAdapter, ValidationError
 
-from app.errors import Unprocessable
+from app.http.errors import Unprocessable
 from app.report.words import NAMES, name_of
-from casebase.fields import Label
 from casebase.labels import GEAR_DAMAGE
+from casebase.store.fields import Label
 from sim.experiment.design_of_experiments import LABELS
 from sim.mechanisms import MECHANISMS
 

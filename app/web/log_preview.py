@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.sound import read_sound
-from casebase.signals.errors import TelemetryError
-from casebase.signals.limited_pool import LimitedPool, refusals_as
-from casebase.signals.telemetry import LONGEST_MAP
+from app.recordings.sound import read_sound
+from signals.errors import TelemetryError
+from signals.reading.limited_pool import LimitedPool, refusals_as
+from signals.telemetry import LONGEST_MAP
 from sim.description.axis import Axis
 
 PREVIEWS = LimitedPool(1, "app.web.log_preview_worker")

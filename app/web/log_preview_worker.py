@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.web.log_preview import shares
-from casebase.signals.limited_worker import Send
-from casebase.signals.telemetry import Telemetry, telemetry_of
-from casebase.signals.telemetry_worker import read
+from signals.reading.limited_worker import Send
+from signals.reading.telemetry_worker import read
+from signals.telemetry import Telemetry, telemetry_of
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
-from sim.discrepancy.assessment.remarks import excitation_remarks, shown_remark
-from sim.discrepancy.data.excitation import excitation_in
-from sim.discrepancy.kinematics.encoders_alone import NOT_TOLD
+from sim.investigation.assessment.remarks import excitation_remarks, shown_remark
+from sim.investigation.data.excitation import excitation_in
+from sim.investigation.kinematics.encoders_alone import NOT_TOLD
 
 NO_AXIS = "Choose the axis above to see what its gears can show."
 BODY: Mapping[str, Any] = {"motor": {}, "load": {"inertia_kg_m2": 0.0}}

@@ -6,8 +6,8 @@ from typing import Any
 
 from app.report.charts import Chart
 from app.web.story import causes_of
-from sim.discrepancy.report.formatting import named
-from sim.discrepancy.results import SAID
+from sim.investigation.report.formatting import named
+from sim.investigation.results import SAID
 from sim.robot.results import SAYS
 
 Document = Mapping[str, Any]

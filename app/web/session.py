@@ -5,10 +5,10 @@ from urllib.parse import quote
 
 from fastapi import Depends, Form, Request
 
-from app.errors import Forbidden, NotAuthenticated
-from app.security import COOKIE, Guard, Principal, Role, admitted, check_csrf, client_of, known, principal_of
+from app.http.errors import Forbidden, NotAuthenticated
+from app.http.security import COOKIE, Guard, Principal, Role, admitted, check_csrf, client_of, known, principal_of
+from app.http.uploads import check_whole
 from app.service import service_of
-from app.uploads import check_whole
 
 
 class SignInNeeded(Exception):

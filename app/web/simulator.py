@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.views import Kept, spectrum
-from casebase.signals.crest import CrestTrace, crest_trace
-from casebase.signals.limited_pool import LimitedPool, refusals_as
-from casebase.signals.recording import Recording
+from app.recordings.views import Kept, spectrum
+from signals.crest import CrestTrace, crest_trace
+from signals.reading.limited_pool import LimitedPool, refusals_as
+from signals.recording import Recording
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
 from sim.description.axis import Axis
 from sim.errors import SimulationError

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from casebase.signals.limited_pool import RefusedError
-from casebase.signals.limited_worker import Send
+from signals.reading.limited_pool import RefusedError
+from signals.reading.limited_worker import Send
 from sim.description.axis_document import read_axis
 from sim.errors import SimulationError
 from sim.experiment.paper_axis import PAPER_AXIS

@@ -6,11 +6,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from app.errors import NotFound
+from app.http.errors import NotFound
 from app.report.charts import Chart
 from app.report.svg import Band, Marker, Series
-from sim.discrepancy.report.box import Entry
-from sim.discrepancy.report.panels import AS_DESCRIBED, style_of
+from sim.investigation.report.box import Entry
+from sim.investigation.report.panels import AS_DESCRIBED, style_of
 
 Part = Literal["causes", "overlay", "residual", "sound"]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from fastapi import Request
 from fastapi.responses import HTMLResponse
 
+from app.http.security import COOKIE, Principal, csrf_token
 from app.report.formatting import ENVIRONMENT, instant
-from app.security import COOKIE, Principal, csrf_token
 from app.service import service_of
 
 NAVIGATION = (

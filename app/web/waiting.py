@@ -4,8 +4,8 @@ from fastapi import Request
 from fastapi.responses import Response
 from sqlalchemy.orm import Session
 
-from app.beside import Begun
-from app.security import Principal
+from app.background_cache import Begun
+from app.http.security import Principal
 from app.service import Service
 from app.web.counted import counts_of
 from app.web.session import below_root

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import httpx
 
-from app.security import COOKIE, csrf_token
+from app.http.security import COOKIE, csrf_token
 from benchmarks.bombs.bodies import AXIS
 from benchmarks.bombs.inputs import API, Inputs, Sent
 from benchmarks.harness.live import LiveServer

@@ -17,8 +17,8 @@ from benchmarks.chaos.kills import Load
 from benchmarks.harness import postgres
 from benchmarks.harness.live import started
 from benchmarks.harness.sounds import sound
-from casebase.database import create_engine_for, sqlite_url
-from casebase.models import Case, StoredDiagnosis
+from casebase.store.database import create_engine_for, sqlite_url
+from casebase.store.models import Case, StoredDiagnosis
 
 RECORDINGS = 10
 KNOWN_CASES = 12

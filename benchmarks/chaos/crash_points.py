@@ -26,11 +26,11 @@ from typing import Any
 import httpx
 import structlog
 
-from app.gate import Gate
+from app.http.concurrency_limiter import Gate
+from app.http.metrics import Metrics
+from app.http.security import COOKIE, csrf_token
 from app.jobs.job import Json
 from app.main import create_app
-from app.metrics import Metrics
-from app.security import COOKIE, csrf_token
 from app.service import Service
 from app.settings import Settings
 from benchmarks.chaos.orders import AXIS, ORDERS, PAGES, Known, Options, counts, fill, ghosts

@@ -17,13 +17,13 @@ from pathlib import Path
 import httpx
 from sqlalchemy import func, select
 
+from app.http.metrics import Metrics
 from app.jobs.jobs import OVER
-from app.metrics import Metrics
 from app.service import Service
 from app.settings import Settings
 from benchmarks.chaos.orders import API, Options, ghosts, investigation, simulation, upload
 from benchmarks.harness.live import LiveServer, started
-from casebase.models import Case, StoredDiagnosis, StoredInvestigation, StoredJob
+from casebase.store.models import Case, StoredDiagnosis, StoredInvestigation, StoredJob
 
 CLIENTS = 3
 CASES_OF_A_SIMULATION = 2

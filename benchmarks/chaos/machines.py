@@ -16,14 +16,14 @@ from pathlib import Path
 
 from sqlalchemy import func, select
 
-from app.generation import KIND, Campaign
 from app.jobs.jobs import OVER, Jobs
 from app.jobs.kinds import jobs_in
+from app.simulated.generation import KIND, Campaign
 from benchmarks.chaos.orders import AXIS
 from benchmarks.harness import postgres
-from casebase import leases
 from casebase.library import CaseLibrary
-from casebase.models import Case
+from casebase.store import leases
+from casebase.store.models import Case
 from sim.description.axis_document import read_axis
 
 ADDRESSES = {"a": "10.213.77.1", "b": "10.213.77.2"}

@@ -12,14 +12,15 @@ from typing import Any
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from app.intake import take_in
-from app.keys import Role, create_key
-from app.metadata import RecordingMetadata
+from app.http.keys import Role, create_key
+from app.recordings.intake import take_in
+from app.recordings.metadata import RecordingMetadata
 from app.service import Service
 from benchmarks.harness.sounds import sound
 from casebase.alarms import outbox
 from casebase.diagnoses import revise_diagnosis
-from casebase.models import (
+from casebase.steps import standing
+from casebase.store.models import (
     AlarmReceiver,
     AlarmRule,
     ApiKey,
@@ -35,7 +36,6 @@ from casebase.models import (
     StoredRecording,
     new_id,
 )
-from casebase.steps import standing
 
 AXIS: dict[str, Any] = {
     "name": "chaos",

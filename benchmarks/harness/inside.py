@@ -12,16 +12,16 @@ import httpx
 from fastapi import FastAPI
 from structlog.testing import capture_logs
 
-from app.gate import Gate
+from app.http.concurrency_limiter import Gate
+from app.http.keys import Role, create_key
+from app.http.metrics import Metrics
+from app.http.security import COOKIE, FORM_COOKIE, csrf_token
 from app.jobs.job import Job, JobNotFoundError, Progress
-from app.keys import Role, create_key
 from app.main import create_app
-from app.metrics import Metrics
-from app.security import COOKIE, FORM_COOKIE, csrf_token
 from app.service import Service
 from app.settings import settings_of
-from casebase.models import new_id, now
-from casebase.pages import Page
+from casebase.store.models import new_id, now
+from casebase.store.pagination import Page
 
 
 @dataclass

@@ -11,20 +11,20 @@ import httpx
 import numpy as np
 from sqlalchemy.orm import Session
 
-from app.intake import DEMO
+from app.recordings.intake import DEMO
 from benchmarks.harness.live import LiveServer
 from benchmarks.harness.sounds import sound
 from benchmarks.harness.telemetry_of import one_body, swing
-from casebase.artifacts import add_artifact
 from casebase.description import Labelling
 from casebase.library import CaseLibrary
-from casebase.models import StoredInvestigation, new_id, now
+from casebase.store.artifacts import add_artifact
+from casebase.store.models import StoredInvestigation, new_id, now
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
-from sim.discrepancy.investigation import investigate
-from sim.discrepancy.report.html import html_report
-from sim.discrepancy.report.summary import story
-from sim.discrepancy.results import Investigation
+from sim.investigation.investigate import investigate
+from sim.investigation.report.html import html_report
+from sim.investigation.report.summary import story
+from sim.investigation.results import Investigation
 
 COOKIE = "gearcase_key"
 KNOWN = ((1, "normal"), (2, "normal"), (3, "normal"), (4, "notch"))

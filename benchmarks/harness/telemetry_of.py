@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.signals.telemetry import Telemetry
+from signals.telemetry import Telemetry
 
 RATE_HZ = 1000.0
 

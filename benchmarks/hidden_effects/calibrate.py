@@ -1,6 +1,6 @@
 """Fit how probable a name is, on seeds kept for calibration: `python -m benchmarks.hidden_effects.calibrate`.
 
-Prints the line for sim/discrepancy/assessment/calibration.py; a probability is that of the name, not of its place.
+Prints the line for sim/investigation/assessment/calibration.py; a probability is that of the name, not of its place.
 Telemetry only; unlike the banks this looks inside the product, at the evidence of each finding. Results are kept line
 by line, so that a run that was stopped goes on where it was.
 """
@@ -25,12 +25,12 @@ from benchmarks.hidden_effects.generator.effects import PLANT_EFFECTS, SENSOR_EF
 from benchmarks.hidden_effects.generator.recipe import PAIRS
 from benchmarks.hidden_effects.product import ROOT
 from benchmarks.hidden_effects.scoring import names_rightly
-from casebase.signals.telemetry import read_telemetry
+from signals.telemetry import read_telemetry
 from sim.description.axis_document import read_axis
-from sim.discrepancy.assessment.calibration import Weights
-from sim.discrepancy.assessment.posterior import Evidence, probability
-from sim.discrepancy.investigation import investigate
-from sim.discrepancy.results import Finding
+from sim.investigation.assessment.calibration import Weights
+from sim.investigation.assessment.posterior import Evidence, probability
+from sim.investigation.investigate import investigate
+from sim.investigation.results import Finding
 
 FIRST_SEED = 1_000
 PRIOR = np.array([2.0, 1.0, 2.0, math.log(1.5)])  # bias, slope, left, logarithm of the overdispersion

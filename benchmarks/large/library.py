@@ -12,8 +12,8 @@ import numpy as np
 from sqlalchemy import insert, select
 from sqlalchemy.orm import Session
 
-from casebase.counter import count_change
-from casebase.models import (
+from casebase.store.counter import count_change
+from casebase.store.models import (
     Alarm,
     AlarmRule,
     AuditEntry,
@@ -30,7 +30,7 @@ from casebase.models import (
     new_id,
     now,
 )
-from casebase.signals.features import EXTRACTOR_VERSION, NAMES
+from signals.features import EXTRACTOR_VERSION, NAMES
 
 LABELS = ("normal", "notch", "play")
 AXES = 8

@@ -8,11 +8,11 @@ import time
 from dataclasses import dataclass
 
 from benchmarks.real_drives.drives import Drive, cut, dressed, drives
-from casebase.signals.errors import TelemetryError
-from sim.discrepancy.data.validation import InvestigationError
-from sim.discrepancy.investigation import investigate
-from sim.discrepancy.results import Investigation
+from signals.errors import TelemetryError
 from sim.errors import SimulationError
+from sim.investigation.data.validation import InvestigationError
+from sim.investigation.investigate import investigate
+from sim.investigation.results import Investigation
 
 LOUD = 0.9
 OFF = 0.3  # of a published size

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.shared_data import SHARED
-from casebase.signals.telemetry import Telemetry, read_telemetry
+from signals.telemetry import Telemetry, read_telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.trend_bank.lives import CHANGED_FROM, EXCHANGED, MOVED, RECORDINGS
 from benchmarks.trend_bank.product import alarm, asked, evidence, lived
-from casebase.trend import RECORDINGS_PER_FALSE_ALARM
+from casebase.reasoning.trend import RECORDINGS_PER_FALSE_ALARM
 
 FAULTS, GOOD, CHANGES = (("notch", 0), ("play", 100)), 200, ((EXCHANGED, 300), (MOVED, 400))
 """Seeds from that of the command on."""

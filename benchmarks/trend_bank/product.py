@@ -10,9 +10,9 @@ import numpy as np
 from benchmarks.field_bank.sounds import Floats
 from benchmarks.trend_bank.lives import RECORDINGS, heard_from, life
 from casebase.gearboxes import Heard as Kept
-from casebase.signals.features import EXTRACTOR_VERSION, extract
-from casebase.signals.recording import Recording
-from casebase.trend import FOLLOWED, RECORDINGS_PER_FALSE_ALARM, Trend
+from casebase.reasoning.trend import FOLLOWED, RECORDINGS_PER_FALSE_ALARM, Trend
+from signals.features import EXTRACTOR_VERSION, extract
+from signals.recording import Recording
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 

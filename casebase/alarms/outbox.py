@@ -14,11 +14,11 @@ from urllib.parse import urlsplit
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from casebase import audit
 from casebase.description import check_choice
 from casebase.errors import ConflictError, InvalidRequestError, NotFoundError
-from casebase.models import RECEIVER_KINDS, AlarmReceiver, AlarmRule, Delivery, StoredJob, new_id, now
-from casebase.pages import Page, page
+from casebase.store import audit
+from casebase.store.models import RECEIVER_KINDS, AlarmReceiver, AlarmRule, Delivery, StoredJob, new_id, now
+from casebase.store.pagination import Page, page
 
 KIND = "deliveries"
 """Of the jobs that send."""

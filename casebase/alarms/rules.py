@@ -10,14 +10,14 @@ from datetime import datetime, timedelta
 from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
-from casebase import audit
 from casebase.alarms import outbox
 from casebase.alarms.state import State, heard_last, state_of, states_of
 from casebase.description import check_choice
 from casebase.errors import InvalidRequestError, NotFoundError
 from casebase.gearboxes import Heard, History, Place
 from casebase.labels import BASELINES
-from casebase.models import ALARM_KINDS, Alarm, AlarmReceiver, AlarmRule, now
+from casebase.store import audit
+from casebase.store.models import ALARM_KINDS, Alarm, AlarmReceiver, AlarmRule, now
 
 
 @dataclass(frozen=True)

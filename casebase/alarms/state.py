@@ -12,8 +12,8 @@ from sqlalchemy.orm import Session
 
 from casebase.gearbox_state import NamedFault, standing_fault
 from casebase.gearboxes import HEARD_AT, REJECTED, Heard, History, histories
-from casebase.models import StoredDiagnosis, StoredRecording
 from casebase.origins import demonstrations
+from casebase.store.models import StoredDiagnosis, StoredRecording
 
 
 @dataclass(frozen=True)

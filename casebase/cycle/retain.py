@@ -7,18 +7,18 @@ from pathlib import Path
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from casebase import audit
-from casebase.audio_store import AudioStore, StoredBytes
-from casebase.counter import count_change
 from casebase.description import Labelling, RecordingDescription
 from casebase.diagnoses import get_diagnosis, labelling_from
 from casebase.errors import DuplicateError
-from casebase.models import Case, StoredRecording, now
 from casebase.origins import SIMULATED, origin_of
 from casebase.recordings import store_recording
-from casebase.signals.features import Extraction
-from casebase.signals.recording import Recording
 from casebase.sounds import cases_of, other_gearbox
+from casebase.store import audit
+from casebase.store.audio_store import AudioStore, StoredBytes
+from casebase.store.counter import count_change
+from casebase.store.models import Case, StoredRecording, now
+from signals.features import Extraction
+from signals.recording import Recording
 
 RETAINED, TAKEN_BACK = "case.retained", "case.taken_back"
 

@@ -7,19 +7,19 @@ import numpy as np
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from casebase import audit
-from casebase.audio_store import AudioStore
-from casebase.case_filter import CaseFilter, selected
-from casebase.case_table import CaseTable, load_table
-from casebase.counter import has_changed, library_version
 from casebase.errors import ErasedError, NotFoundError
-from casebase.kept_table import read_table
-from casebase.models import AuditEntry, Case, FeatureRow, StoredRecording
-from casebase.pages import Page, page
-from casebase.plausibility import Expected, measured
-from casebase.retrieval import CaseMatrix, metric_of
-from casebase.signals.features import EXTRACTOR_VERSION
-from casebase.similarity import Floats
+from casebase.reasoning.plausibility import Expected, measured
+from casebase.search.case_filter import CaseFilter, selected
+from casebase.search.case_table import CaseTable, load_table
+from casebase.search.retrieval import CaseMatrix, metric_of
+from casebase.search.similarity import Floats
+from casebase.search.stored_table import read_table
+from casebase.store import audit
+from casebase.store.audio_store import AudioStore
+from casebase.store.counter import has_changed, library_version
+from casebase.store.models import AuditEntry, Case, FeatureRow, StoredRecording
+from casebase.store.pagination import Page, page
+from signals.features import EXTRACTOR_VERSION
 
 MATRICES_KEPT = 4
 

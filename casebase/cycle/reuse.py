@@ -4,17 +4,17 @@ from dataclasses import replace
 
 from sqlalchemy.orm import Session
 
-from casebase.counter import has_changed
 from casebase.cycle.retrieve import Retrieve
-from casebase.detection_limit import NO_LIMITS, detection_limits
 from casebase.diagnoses import store_diagnosis
-from casebase.diagnosis import Reasoner
-from casebase.evaluation import Evaluation, evaluate, poor_recordings
-from casebase.models import Case, StoredDiagnosis, StoredRecording
 from casebase.origins import MEASURED, origin_of
-from casebase.severity import Severity, severity_of
-from casebase.signals.features import EXTRACTOR_VERSION, Extraction
+from casebase.reasoning.detection_limit import NO_LIMITS, detection_limits
+from casebase.reasoning.diagnosis import Reasoner
+from casebase.reasoning.evaluation import Evaluation, evaluate, poor_recordings
+from casebase.reasoning.severity import Severity, severity_of
 from casebase.sounds import cases_of
+from casebase.store.counter import has_changed
+from casebase.store.models import Case, StoredDiagnosis, StoredRecording
+from signals.features import EXTRACTOR_VERSION, Extraction
 
 
 class Reuse:
@@ -76,7 +76,7 @@ class Reuse:
         without: str | None = None,
         axis: str | None = None,
     ) -> Evaluation:
-        """Return the library's own cross-validation; see `casebase.evaluation.evaluate`.
+        """Return the library's own cross-validation; see `casebase.reasoning.evaluation.evaluate`.
 
         Args:
             without: id of a case that the library is to do without.

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 from sqlalchemy.orm import Session
 
-from casebase import audit
-from casebase.counter import count_change
 from casebase.cycle.retrieve import Retrieve
 from casebase.description import check_choice, check_label, check_verification
 from casebase.errors import ConflictError, InvalidRequestError, StaleVersionError
-from casebase.models import CASE_STATES, Case, now
+from casebase.store import audit
+from casebase.store.counter import count_change
+from casebase.store.models import CASE_STATES, Case, now
 
 REVISABLE = (
     "label",

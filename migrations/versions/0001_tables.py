@@ -5,7 +5,7 @@ from alembic import op
 from sqlalchemy import Column
 from sqlalchemy.dialects.postgresql import JSONB
 
-from casebase.database import FloatVector, UtcDateTime
+from casebase.store.database import FloatVector, UtcDateTime
 
 revision = "1"
 down_revision = None

@@ -5,8 +5,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from casebase.signals.documents import parse_document, parse_foreign
-from casebase.signals.errors import TextError
+from signals.errors import TextError
+from signals.reading.documents import parse_document, parse_foreign
 from sim.description.axis import (
     MOST_TABLES,
     SCHEMA,

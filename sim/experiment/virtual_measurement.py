@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.signals.telemetry import Telemetry
+from signals.telemetry import Telemetry
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode, hear
 from sim.assembly import drive_train_of
 from sim.chain.model import Array

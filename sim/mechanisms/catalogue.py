@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from casebase.signals.telemetry import Telemetry
+from signals.telemetry import Telemetry
 from sim import mechanisms
 from sim.description.axis import Axis, MechanismEntry
 from sim.errors import AxisError, near_match

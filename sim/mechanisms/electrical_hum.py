@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from casebase.signals.telemetry import Telemetry
+from signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Measurement, Need, Parameter, Samples, Signature

@@ -17,7 +17,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.signals.telemetry import Telemetry
+from signals.telemetry import Telemetry
 from sim.description.axis import Axis, MechanismEntry
 from sim.errors import ParameterError, near_match
 from sim.mechanisms.differing import Differing

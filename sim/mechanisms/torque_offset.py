@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import ClassVar
 
-from casebase.signals.telemetry import Telemetry
+from signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Measurement, Need, Parameter, Signature

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any
 
-from casebase.signals.documents import parse_foreign
-from casebase.signals.errors import TextError
-from casebase.signals.joint_maps import LoggedJoint
-from casebase.signals.limited_pool import LimitedPool, refusals_as
-from casebase.signals.limited_worker import RefusedError, Send
+from signals.columns.joint_maps import LoggedJoint
+from signals.errors import TextError
+from signals.reading.documents import parse_foreign
+from signals.reading.limited_pool import LimitedPool, refusals_as
+from signals.reading.limited_worker import RefusedError, Send
 from sim.errors import SimulationError
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import LARGEST_URDF_BYTES, Robot, RobotError, logged_joints, robot_of

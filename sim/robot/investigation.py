@@ -12,16 +12,16 @@ from importlib.metadata import version
 import numpy as np
 from scipy.optimize import root_scalar
 
-from casebase.signals.telemetry import Telemetry
+from signals.telemetry import Telemetry
 from sim.description.axis import MechanismEntry
-from sim.discrepancy.assessment.calibration import WEIGHTS
-from sim.discrepancy.assessment.intervals import NINETY
-from sim.discrepancy.data.data_fault import InvestigationError, TooLittleMotion
-from sim.discrepancy.investigation import investigate, telemetry_sha256
-from sim.discrepancy.model.one_body import as_described, at_the_motor, is_one_body
-from sim.discrepancy.report.wording import telling_what_is_left
-from sim.discrepancy.results import SAID, Estimate, Finding, Investigation
-from sim.discrepancy.unexplained import rounded
+from sim.investigation.assessment.calibration import WEIGHTS
+from sim.investigation.assessment.intervals import NINETY
+from sim.investigation.data.data_fault import InvestigationError, TooLittleMotion
+from sim.investigation.investigate import investigate, telemetry_sha256
+from sim.investigation.model.one_body import as_described, at_the_motor, is_one_body
+from sim.investigation.report.wording import telling_what_is_left
+from sim.investigation.results import SAID, Estimate, Finding, Investigation
+from sim.investigation.unexplained import rounded
 from sim.mechanisms import TimeDelay
 from sim.robot.motion import Motion
 from sim.robot.plausibility import check_joints, check_robot

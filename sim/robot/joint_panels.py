@@ -9,10 +9,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.discrepancy.report.cause_panels import cause_panels
-from sim.discrepancy.report.formatting import named
-from sim.discrepancy.report.panels import EXTENDED, MEASURED, RIGID, Panel
-from sim.discrepancy.report.residual_panels import channels
+from sim.investigation.report.cause_panels import cause_panels
+from sim.investigation.report.formatting import named
+from sim.investigation.report.panels import EXTENDED, MEASURED, RIGID, Panel
+from sim.investigation.report.residual_panels import channels
 from sim.robot.results import RobotInvestigation
 from sim.robot.robot import joint_words, slides
 

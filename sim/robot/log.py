@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from casebase.signals.errors import TelemetryError
-from casebase.signals.joint_maps import read_joint_maps
-from casebase.signals.telemetry import Telemetry, read_telemetry
+from signals.columns.joint_maps import read_joint_maps
+from signals.errors import TelemetryError
+from signals.telemetry import Telemetry, read_telemetry
 from sim.robot.investigation import RobotLog
 from sim.robot.robot import Robot, logged_joints
 

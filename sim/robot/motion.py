@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.signals.telemetry import Telemetry
-from sim.discrepancy.data.data_fault import InvestigationError
-from sim.discrepancy.data.preprocessing import LEAST_ROWS, MOTION_CUT_HZ, gaussian_kernel, smooth
-from sim.discrepancy.data.validation import check_clock
+from signals.telemetry import Telemetry
+from sim.investigation.data.data_fault import InvestigationError
+from sim.investigation.data.preprocessing import LEAST_ROWS, MOTION_CUT_HZ, gaussian_kernel, smooth
+from sim.investigation.data.validation import check_clock
 from sim.robot.robot import Robot
 
 Array = NDArray[np.float64]

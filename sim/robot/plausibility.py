@@ -11,7 +11,7 @@ from itertools import combinations, permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.discrepancy.data.data_fault import InvestigationError
+from sim.investigation.data.data_fault import InvestigationError
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import PARAMETERS, RigidBody
 from sim.robot.robot import Robot, position_key

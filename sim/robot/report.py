@@ -8,12 +8,12 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Sequence
 
-from sim.discrepancy.report.box import FLANGE, box_of_robot, is_shown, rests_of_robot
-from sim.discrepancy.report.drawing import svg
-from sim.discrepancy.report.formatting import likely, named, number
-from sim.discrepancy.report.html import STYLE, drawn_box, html_report, table
-from sim.discrepancy.report.joint_html import FOLD, STYLES, WIDTH, body_of
-from sim.discrepancy.results import SAID, Finding
+from sim.investigation.report.box import FLANGE, box_of_robot, is_shown, rests_of_robot
+from sim.investigation.report.drawing import svg
+from sim.investigation.report.formatting import likely, named, number
+from sim.investigation.report.html import STYLE, drawn_box, html_report, table
+from sim.investigation.report.joint_html import FOLD, STYLES, WIDTH, body_of
+from sim.investigation.results import SAID, Finding
 from sim.mechanisms.catalogue import is_in_every_axis
 from sim.robot.joint_panels import finding_panels, joint_panels, torque_panels
 from sim.robot.results import SAYS, RobotInvestigation

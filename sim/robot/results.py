@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.discrepancy.results import Estimate, Finding, Investigation, estimate_document, finding_document, gain_document
-from sim.discrepancy.unexplained import rounded, unexplained_document
+from sim.investigation.results import (
+    Estimate,
+    Finding,
+    Investigation,
+    estimate_document,
+    finding_document,
+    gain_document,
+)
+from sim.investigation.unexplained import rounded, unexplained_document
 from sim.robot.robot import SCHEMA, Robot, position_key
 
 if TYPE_CHECKING:

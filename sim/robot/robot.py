@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from casebase.signals.documents import parse_document
-from casebase.signals.errors import TextError
-from casebase.signals.joint_maps import LoggedJoint
+from signals.columns.joint_maps import LoggedJoint
+from signals.errors import TextError
+from signals.reading.documents import parse_document
 from sim.description.axis import Axis, Load, Motor
 from sim.description.axis_document import read_axis
 from sim.errors import AxisError, ParameterError, number, shown

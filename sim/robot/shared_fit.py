@@ -21,8 +21,8 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import binary_opening
 from scipy.special import log_ndtr
 
-from sim.discrepancy.assessment.intervals import NINETY
-from sim.discrepancy.estimation.whitening import SHORT
+from sim.investigation.assessment.intervals import NINETY
+from sim.investigation.estimation.whitening import SHORT
 from sim.robot.motion import Motion, smoothed
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Robot

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Any, NoReturn, get_args, get_type_hints
 
-from casebase.signals.documents import parse_document
-from casebase.signals.errors import TextError
-from casebase.signals.text import text_of
+from signals.errors import TextError
+from signals.reading.documents import parse_document
+from signals.reading.text import text_of
 from sim.errors import CompositionError, ParameterError, SimulationError, near_match, shown
 from sim.rotational.component import Component, Signal
 from sim.rotational.components import COMPONENTS, signals

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from app.axis_templates import TEMPLATES
-from app.axis_units import UNITS, in_si
+from app.axes.axis_templates import TEMPLATES
+from app.axes.axis_units import UNITS, in_si
 from app.web.axis_form import described, filled
 from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.live import gearcase

@@ -11,13 +11,13 @@ from unittest.mock import patch
 import pytest
 
 from app import fleet
-from app.beside import Asked, Begun
+from app.background_cache import Asked, Begun
 from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.sounds import sound
 from benchmarks.harness.worked_out import worked_out
 from casebase.errors import NotFoundError
-from casebase.evaluation import Evaluation, evaluate
-from casebase.models import now
+from casebase.reasoning.evaluation import Evaluation, evaluate
+from casebase.store.models import now
 from tests.casebase.kept import keep
 
 

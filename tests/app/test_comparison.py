@@ -8,8 +8,8 @@ import pytest
 
 from app.cli import run
 from app.commands.exit_codes import BAD_INPUT
-from app.comparison import CAUSES, Half, Space, _families, compare
-from casebase.signals.features import catalogue
+from app.simulated.comparison import CAUSES, Half, Space, _families, compare
+from signals.features import catalogue
 from sim.acoustics.transfer_path_fit import Heard, scenario_like
 from sim.description.axis_document import write_axis
 from sim.errors import ParameterError

@@ -14,10 +14,10 @@ from app.commands.exit_codes import FAILURE
 from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.live import gearcase
 from benchmarks.harness.sounds import sound
-from casebase.abandoned import hold
-from casebase.database import LARGEST_LOG, create_engine_for, sqlite_url
 from casebase.library import CaseLibrary
-from casebase.soundness import cut_logs, faults_of
+from casebase.store.database import LARGEST_LOG, create_engine_for, sqlite_url
+from casebase.store.integrity import cut_logs, faults_of
+from casebase.store.stale_locks import hold
 
 API = "/api/v1"
 PAGE = 4096

@@ -8,7 +8,7 @@ import httpx
 import pytest
 from fastapi.routing import RouteContext, iter_route_contexts
 
-from app.door import terms_of
+from app.http.request_limits import terms_of
 from app.main import create_app
 from app.settings import Settings
 from benchmarks.harness.live import LiveServer, sign_in, started

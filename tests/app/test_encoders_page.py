@@ -4,9 +4,9 @@ from pathlib import Path
 
 from benchmarks.encoder_logs import axis, log, strokes
 from benchmarks.harness.inside import inside
-from casebase.models import StoredInvestigation, now
-from sim.discrepancy.investigation import investigate
-from sim.discrepancy.report.summary import story
+from casebase.store.models import StoredInvestigation, now
+from sim.investigation.investigate import investigate
+from sim.investigation.report.summary import story
 
 
 def test_the_page_of_two_encoders_speaks_of_no_model(tmp_path: Path) -> None:

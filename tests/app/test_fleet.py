@@ -10,8 +10,8 @@ import pytest
 
 from app import fleet
 from benchmarks.harness.inside import Inside, inside
-from casebase.models import now
-from casebase.trend import COLOUR, DECIDING
+from casebase.reasoning.trend import COLOUR, DECIDING
+from casebase.store.models import now
 from sim.mechanisms.mechanism import SECURED
 from tests.casebase.kept import keep
 

@@ -13,9 +13,9 @@ import httpx
 import pytest
 from sqlalchemy import event
 
-from app.keys import Role, create_key
+from app.http.keys import Role, create_key
+from app.http.metrics import Metrics
 from app.main import create_app
-from app.metrics import Metrics
 from app.service import Service
 from app.settings import settings_of
 from benchmarks.harness.sounds import sound

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 from sqlalchemy import func, select
 
-from app.generation import Campaign, generate, key_of, simulations
-from casebase.case_filter import CaseFilter
+from app.simulated.generation import Campaign, generate, key_of, simulations
 from casebase.library import CaseLibrary
-from casebase.models import Case
-from casebase.severity import PARAMETERS
+from casebase.reasoning.severity import PARAMETERS
+from casebase.search.case_filter import CaseFilter
+from casebase.store.models import Case
 from sim.errors import ParameterError
 from sim.experiment.paper_axis import PAPER_AXIS
 from sim.experiment.scenario import MODEL_VERSION, scenario_of

@@ -16,7 +16,7 @@ from benchmarks.harness.telemetry_of import one_body
 from casebase.axes import get_axis
 from casebase.errors import ConflictError
 from casebase.library import CaseLibrary
-from casebase.models import StoredInvestigation, now
+from casebase.store.models import StoredInvestigation, now
 
 URL = "/api/v1/investigations"
 AXIS = '{"name": "asked", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 1.0}}'

@@ -11,15 +11,15 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.key_notes import KeyNotes
-from app.keys import Role, create_key, find_key
+from app.http.key_usage import KeyNotes
+from app.http.keys import Role, create_key, find_key
+from app.http.metrics import Metrics
 from app.main import create_app
-from app.metrics import Metrics
 from app.service import Service
 from app.settings import settings_of
 from benchmarks.harness.live import LiveServer
-from casebase.audit import entries
 from casebase.library import CaseLibrary
+from casebase.store.audit import entries
 from tests.app.test_full_disk import pragma
 
 KEYS = "/api/v1/keys"

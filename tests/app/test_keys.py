@@ -74,7 +74,7 @@ def test_repeated_post_does_not_show_the_key_again(admin: httpx.Client) -> None:
 
 
 def test_cookie_reads_but_changes_only_with_the_token(live_server: LiveServer) -> None:
-    from app.security import COOKIE, CSRF_HEADER, csrf_token
+    from app.http.security import COOKIE, CSRF_HEADER, csrf_token
 
     key = live_server.keys["admin"]
     with httpx.Client(base_url=live_server.url, cookies={COOKIE: key}) as browser:

@@ -7,12 +7,12 @@ import httpx
 import numpy as np
 import pytest
 
-from app import views
+from app.recordings import views
 from benchmarks.bombs.bodies import AXIS
 from benchmarks.harness.live import LiveServer
 from benchmarks.harness.sounds import sound
 from benchmarks.harness.wire import connected, head, process_folder
-from casebase.signals.recording import Recording
+from signals.recording import Recording
 
 API = "/api/v1"
 LISTENERS = 120

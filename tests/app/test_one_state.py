@@ -15,7 +15,7 @@ from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.sounds import RATE_HZ, hum, wav
 from casebase.alarms.rules import standing
 from casebase.errors import StaleVersionError
-from casebase.models import now
+from casebase.store.models import now
 from tests.casebase.kept import keep
 
 API = "/api/v1"

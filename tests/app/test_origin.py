@@ -9,14 +9,14 @@ from typing import Any
 import pytest
 import soundfile
 
-from app.intake import take_in
-from app.metadata import RecordingMetadata
+from app.recordings.intake import take_in
+from app.recordings.metadata import RecordingMetadata
 from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.live import gearcase
 from benchmarks.harness.sounds import sound, wav
-from casebase.artifacts import add_artifact
 from casebase.description import Labelling
 from casebase.origins import DEMO, simulated
+from casebase.store.artifacts import add_artifact
 
 API = "/api/v1"
 AXIS = {

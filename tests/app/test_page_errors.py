@@ -12,7 +12,7 @@ from app.jobs.kinds import KINDS
 from app.web.pages import PAGES
 from app.web.session import visitor
 from benchmarks.harness.inside import Inside, ListedJobs, inside
-from casebase.models import new_id, now
+from casebase.store.models import new_id, now
 from tests.web.reading import Markup
 
 ROUTES = sorted(

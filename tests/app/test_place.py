@@ -8,12 +8,12 @@ import pytest
 import soundfile
 
 from app.cli import run
-from app.generation import condition_of, fitted_microphones
-from app.place import two_sample_test
+from app.simulated.generation import condition_of, fitted_microphones
+from app.simulated.transfer_path import two_sample_test
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
-from casebase.signals.features import catalogue, extract
-from casebase.signals.recording import Recording
+from signals.features import catalogue, extract
+from signals.recording import Recording
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode
 from sim.acoustics.transfer_path_fit import Heard, scenario_like
 from sim.description.axis_document import write_axis

@@ -11,7 +11,7 @@ import pytest
 import soundfile
 from numpy.typing import NDArray
 
-from app.microphone import QUIET_DBFS, Level, record
+from app.recordings.microphone import QUIET_DBFS, Level, record
 from benchmarks.harness.live import Done, LiveServer, gearcase
 from benchmarks.harness.sounds import hum
 

@@ -10,7 +10,7 @@ import soundfile
 from PIL import Image
 
 from benchmarks.harness.sounds import RATE_HZ, wav
-from casebase.signals.crest import crest_trace
+from signals.crest import crest_trace
 
 SECONDS, AMPLITUDE, FREQUENCY_HZ = 4.0, 0.5, 125.0
 

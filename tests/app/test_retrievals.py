@@ -14,11 +14,11 @@ from sqlalchemy import inspect, text
 from app.main import create_app
 from benchmarks.harness.live import LiveServer, gearcase, started
 from benchmarks.harness.sounds import hum, sound, wav
-from casebase.case_table import CaseTable
-from casebase.database import create_engine_for, sqlite_url
 from casebase.library import CaseLibrary
-from casebase.priors import prior_of
-from casebase.similarity import LIMIT, pooled_scales
+from casebase.reasoning.priors import prior_of
+from casebase.search.case_table import CaseTable
+from casebase.search.similarity import LIMIT, pooled_scales
+from casebase.store.database import create_engine_for, sqlite_url
 
 RETRIEVALS = "/api/v1/retrievals"
 CREST = ("crest_factor_low_pass_200_hz_whole_record", "crest_factor_low_pass_200_hz_mean_of_1_s_windows")
@@ -176,7 +176,7 @@ def test_sound_of_a_case_is_nearest_to_that_case(viewer: httpx.Client) -> None:
 def by_brute_force(
     table: CaseTable, weights: NDArray[np.float64], query: NDArray[np.float64]
 ) -> list[tuple[str, float]]:
-    """Return id and distance of every case, nearest first, by the definition of `casebase.similarity`, in numpy."""
+    """Return id and distance of every case, nearest first, as `casebase.search.similarity` defines it, in numpy."""
     center, scale = pooled_scales(table.values, table.labels)
     cases, point = (np.clip((x - center) / scale, -LIMIT, LIMIT) for x in (table.values.astype(np.float64), query))
     present = np.isfinite(point)

@@ -5,7 +5,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.reference import role_of
+from app.http.reference import role_of
 from benchmarks.harness.live import ROLES, LiveServer
 
 OPEN = {"/livez", "/readyz"}

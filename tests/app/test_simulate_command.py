@@ -11,7 +11,7 @@ import soundfile
 from pyarrow import csv, parquet
 
 from app.cli import run
-from casebase.signals.telemetry import CHANNELS, read_telemetry
+from signals.telemetry import CHANNELS, read_telemetry
 from sim.description.axis_document import read_axis, write_axis
 from sim.solver import simulate
 from tests.sim.axes import axis

@@ -10,15 +10,15 @@ import pytest
 from pydantic import ValidationError
 
 from app.documents import CaseChange
-from app.intake import take_in
-from app.metadata import CaseMetadata
+from app.recordings.intake import take_in
+from app.recordings.metadata import CaseMetadata
 from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.live import gearcase
 from benchmarks.harness.sounds import hum, sound, wav
-from casebase.bundle_entry import BundledCase
-from casebase.severity import FEWEST
-from casebase.signals.decode import read_recording
-from casebase.signals.features import extract
+from casebase.reasoning.severity import FEWEST
+from casebase.store.bundle_entry import BundledCase
+from signals.features import extract
+from signals.reading.decode import read_recording
 from sim.description.axis_document import read_axis, write_axis
 
 OWN, OTHER = "own axis", "another"

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from app import sizing
-from app.generation import condition_of, simulate_case
-from app.sizing import Design, Taken, design_for, profile_of
+from app.simulated import severity_by_simulation as sizing
+from app.simulated.generation import condition_of, simulate_case
+from app.simulated.severity_by_simulation import Design, Taken, design_for, profile_of
 from casebase.labels import PARAMETERS
-from casebase.signals.analysis import Analysis
-from casebase.signals.bump_profile import EDGES_HZ, bump_ratios_db
-from casebase.signals.condition import OperatingCondition
-from casebase.signals.features import catalogue
-from casebase.signals.motion import Motion
-from casebase.signals.recording import Recording
+from signals.analysis import Analysis
+from signals.bump_profile import EDGES_HZ, bump_ratios_db
+from signals.condition import OperatingCondition
+from signals.features import catalogue
+from signals.motion import Motion
+from signals.recording import Recording
 from sim.errors import ParameterError
 from sim.experiment.design_of_experiments import moved, plan
 from sim.experiment.paper_axis import PAPER_AXIS

@@ -8,12 +8,12 @@ import httpx
 import numpy as np
 import pytest
 
-from app.intake import media_type_of, take_in
-from app.metadata import RecordingMetadata
+from app.recordings.intake import media_type_of, take_in
+from app.recordings.metadata import RecordingMetadata
 from app.settings import settings_of
 from benchmarks.encoded_sounds import RATE, chunk, encode, fmt, noise, pcm, riff
 from casebase.library import CaseLibrary
-from casebase.signals.errors import NotAudioError
+from signals.errors import NotAudioError
 
 SAMPLES = noise(3 * RATE)[:, 0]
 BEXT = bytes(256) + b"Zoom H5".ljust(64, b"\0") + b"2026-07-01" + b"12:00:00" + bytes(264)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app import views
-from casebase.signals.recording import Recording
+from app.recordings import views
+from signals.recording import Recording
 
 RATE_HZ = 8000.0
 

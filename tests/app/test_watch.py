@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from app.watch_folder import MEMORY, Memory, Sent, WatchFolder
+from app.recordings.watch_folder import MEMORY, Memory, Sent, WatchFolder
 from benchmarks.harness.live import LiveServer, gearcase
 from benchmarks.harness.sounds import sound
 from tests.app.alarms.receivers import free_port, wait_for

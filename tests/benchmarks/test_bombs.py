@@ -13,7 +13,7 @@ OPENED = 20_000_000 * 2 * 8
 def test_wrong_inputs_are_refused_in_words_and_cost_nobody_else(tmp_path: Path) -> None:
     server = started(tmp_path / "data")
     campaign = Campaign(server, Inputs(1), batch=4)
-    del campaign.inputs.kinds["sound"]  # tests.casebase.signals has more of those
+    del campaign.inputs.kinds["sound"]  # tests.signals has more of those
     try:
         campaign.run(len(campaign.inputs.kinds) * campaign.batch)
     finally:

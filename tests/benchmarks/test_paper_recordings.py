@@ -7,7 +7,7 @@ from benchmarks.paper_diagrams import wheels
 from benchmarks.paper_recordings import NOTCH_S, REVOLUTION_S, behind_the_play, scenario, trace_of
 from benchmarks.paper_sound import begins
 from benchmarks.paper_torque import RATE_HZ, SECONDS, TRAIN, bound, shaft_torques, trace, varied
-from casebase.signals.crest import WINDOW_S
+from signals.crest import WINDOW_S
 from sim import simulate
 
 

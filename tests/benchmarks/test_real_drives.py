@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.real_drives.__main__ import Tally, of_truth
 from benchmarks.real_drives.drives import Drive, drives
-from sim.discrepancy.investigation import investigate
+from sim.investigation.investigate import investigate
 from tests.shared_data import shared
 
 QUICK = ("ur10e J5 as logged", "screw 1 200 as logged", "screw 2 steady 100 as logged", "cogging steady_8s", "winch")

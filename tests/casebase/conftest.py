@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from casebase.database import create_engine_for
 from casebase.library import CaseLibrary
+from casebase.store.database import create_engine_for
 
 
 @pytest.fixture

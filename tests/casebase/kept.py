@@ -7,8 +7,8 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from casebase.labels import BASELINES
-from casebase.models import Extractor, FeatureRow, StoredDiagnosis, StoredRecording, new_id
-from casebase.signals.features import EXTRACTOR_VERSION, NAMES
+from casebase.store.models import Extractor, FeatureRow, StoredDiagnosis, StoredRecording, new_id
+from signals.features import EXTRACTOR_VERSION, NAMES
 
 LISTS = ("hypotheses", "labels", "neighbours", "evidence", "remarks", "disturbances", "quality")
 UNKNOWN = {"fault": {"present": None, "probability": None}, "novelty": {"distance": None, "threshold": None}}

@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy.orm import Session
 
-from casebase.case_table import CaseTable
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
-from casebase.models import Case, StoredRecording
-from casebase.novelty import kinds
-from casebase.signals.condition import OperatingCondition
-from casebase.signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector, catalogue
-from casebase.signals.motion import Motion
-from casebase.signals.recording import Recording
+from casebase.reasoning.novelty import kinds
+from casebase.search.case_table import CaseTable
+from casebase.store.models import Case, StoredRecording
+from signals.condition import OperatingCondition
+from signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector, catalogue
+from signals.motion import Motion
+from signals.recording import Recording
 
 VERSION = "made"
 OF_THE_GEAR = [name for name, kind in zip(catalogue(), kinds(tuple(catalogue())), strict=True) if kind >= 0]

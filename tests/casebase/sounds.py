@@ -7,10 +7,10 @@ import soundfile
 
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
-from casebase.models import Case
-from casebase.signals.condition import OperatingCondition
-from casebase.signals.decode import read_recording
-from casebase.signals.features import extract
+from casebase.store.models import Case
+from signals.condition import OperatingCondition
+from signals.features import extract
+from signals.reading.decode import read_recording
 
 RATE_HZ = 8000
 

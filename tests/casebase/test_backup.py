@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 from sqlalchemy import select
 
-from casebase.backup import CHECKSUMS, DATABASE, backup, restore, verify
-from casebase.case_filter import CaseFilter
-from casebase.database import create_engine_for
 from casebase.errors import BackupError
 from casebase.library import CaseLibrary
-from casebase.models import Base
+from casebase.search.case_filter import CaseFilter
+from casebase.store.backup import CHECKSUMS, DATABASE, backup, restore, verify
+from casebase.store.database import create_engine_for
+from casebase.store.models import Base
 from tests.casebase.sounds import add_sound, write_sound
 
 

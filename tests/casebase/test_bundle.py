@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from casebase.bundle import MANIFEST, SCHEMA, BundleLimits, export_cases, import_cases
-from casebase.case_filter import CaseFilter
 from casebase.errors import BundleError
 from casebase.library import CaseLibrary
-from casebase.signals.features import EXTRACTOR_VERSION
+from casebase.search.case_filter import CaseFilter
+from casebase.store.bundle import MANIFEST, SCHEMA, BundleLimits, export_cases, import_cases
+from signals.features import EXTRACTOR_VERSION
 from tests.casebase.sounds import add_sound, write_sound
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from casebase.case_selection import fitted
-from casebase.case_table import CaseTable
-from casebase.diagnosis import Reasoner
+from casebase.reasoning.diagnosis import Reasoner
+from casebase.search.case_selection import fitted
+from casebase.search.case_table import CaseTable
 from tests.casebase.made import NAMES, measured_table
 
 LABELS = ("normal", "notch", "play")

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from casebase.case_table import CaseTable
-from casebase.classifier import Classifier
-from casebase.diagnosis import EXCLUDED_BELOW, Reasoner
-from casebase.evaluation import evaluate
-from casebase.similarity import Floats
+from casebase.reasoning.classifier import Classifier
+from casebase.reasoning.diagnosis import EXCLUDED_BELOW, Reasoner
+from casebase.reasoning.evaluation import evaluate
+from casebase.search.case_table import CaseTable
+from casebase.search.similarity import Floats
 from tests.casebase.made import NAMES, measured_table
 
 LABELS = ("normal", "notch", "play")

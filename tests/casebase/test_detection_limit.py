@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import special
 
-from casebase.detection_limit import HEARD, smallest_heard
+from casebase.reasoning.detection_limit import HEARD, smallest_heard
 
 
 @pytest.mark.parametrize("true_limit", [0.4e-3, 1.0e-3, 2.0e-3])

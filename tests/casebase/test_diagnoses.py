@@ -6,13 +6,13 @@ import math
 import numpy as np
 import pytest
 
-from casebase.database import strict_json
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
 from casebase.errors import ConflictError, InvalidRequestError, StaleVersionError
-from casebase.evaluation import evaluate
 from casebase.library import CaseLibrary
-from casebase.models import StoredDiagnosis
-from casebase.signals.features import QualityFlag, Severity
+from casebase.reasoning.evaluation import evaluate
+from casebase.store.database import strict_json
+from casebase.store.models import StoredDiagnosis
+from signals.features import QualityFlag, Severity
 from tests.casebase.made import NAMES, VERSION, add_case, extraction, store
 
 KINDS = {"normal": (0.0, 0.0), "notch": (8.0, 0.0), "play": (0.0, 8.0)}

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from casebase.case_table import CaseTable
-from casebase.diagnosis import Diagnosis, Reasoner
-from casebase.signals.features import Extraction, extract
-from casebase.signals.recording import Recording
+from casebase.reasoning.diagnosis import Diagnosis, Reasoner
+from casebase.search.case_table import CaseTable
+from signals.features import Extraction, extract
+from signals.recording import Recording
 from tests.casebase.made import heard_table
-from tests.casebase.signals.synthetic import RATE_HZ, Joint, sound
+from tests.signals.synthetic import RATE_HZ, Joint, sound
 
 LABELS = ("normal", "notch", "play")
 

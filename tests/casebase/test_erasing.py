@@ -8,18 +8,18 @@ from pathlib import Path
 import pytest
 from sqlalchemy import update
 
-from casebase import audit
-from casebase.backup import backup, erased_in, restore, verify
-from casebase.bundle import MANIFEST, export_cases, import_cases
-from casebase.case_filter import CaseFilter
 from casebase.description import RecordingDescription
-from casebase.erasing import erase, expire
 from casebase.errors import ErasedError, NotFoundError
 from casebase.library import CaseLibrary
-from casebase.models import StoredRecording, now
-from casebase.signals.condition import OperatingCondition
-from casebase.signals.decode import read_recording
-from casebase.signals.features import extract
+from casebase.search.case_filter import CaseFilter
+from casebase.store import audit
+from casebase.store.backup import backup, erased_in, restore, verify
+from casebase.store.bundle import MANIFEST, export_cases, import_cases
+from casebase.store.erasing import erase, expire
+from casebase.store.models import StoredRecording, now
+from signals.condition import OperatingCondition
+from signals.features import extract
+from signals.reading.decode import read_recording
 from tests.casebase.sounds import add_sound, write_sound
 from tests.casebase.test_identity import copy_of
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from casebase import evaluation
-from casebase.case_table import CaseTable
-from casebase.evaluation import Proportion, evaluate
+from casebase.reasoning import evaluation
+from casebase.reasoning.evaluation import Proportion, evaluate
+from casebase.search.case_table import CaseTable
 from tests.casebase import made
 
 SIZE = 10

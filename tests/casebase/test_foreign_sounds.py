@@ -7,12 +7,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy import signal
 
-from casebase.diagnosis import Reasoner
-from casebase.novelty import LEVEL
-from casebase.signals.features import Extraction, extract
-from casebase.signals.recording import Recording
+from casebase.reasoning.diagnosis import Reasoner
+from casebase.reasoning.novelty import LEVEL
+from signals.features import Extraction, extract
+from signals.recording import Recording
 from tests.casebase.made import measured_table
-from tests.casebase.signals.synthetic import RATE_HZ, Joint, sound
+from tests.signals.synthetic import RATE_HZ, Joint, sound
 
 SECONDS = 10
 COUNT = int(SECONDS * RATE_HZ)

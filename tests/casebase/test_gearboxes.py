@@ -12,9 +12,9 @@ from casebase.diagnoses import revise_diagnosis
 from casebase.gearbox_state import Reason, Standing, State, fault_before, standing
 from casebase.gearboxes import histories, signatures
 from casebase.library import CaseLibrary
-from casebase.models import Case, MaintenanceMark, StoredRecording
 from casebase.origins import measured
-from casebase.trend import FOLLOWED, Trend, trend_of
+from casebase.reasoning.trend import FOLLOWED, Trend, trend_of
+from casebase.store.models import Case, MaintenanceMark, StoredRecording
 from tests.casebase.kept import keep
 
 START = datetime(2026, 1, 1, tzinfo=UTC)

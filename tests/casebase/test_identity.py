@@ -5,16 +5,16 @@ from pathlib import Path
 import pytest
 import soundfile
 
-from casebase.bundle import export_cases, import_cases
-from casebase.case_filter import CaseFilter
 from casebase.description import Labelling, RecordingDescription
 from casebase.errors import DuplicateError
 from casebase.library import CaseLibrary
-from casebase.models import Case, StoredDiagnosis
 from casebase.review import apply, review
-from casebase.signals.condition import OperatingCondition
-from casebase.signals.decode import read_recording
-from casebase.signals.features import extract
+from casebase.search.case_filter import CaseFilter
+from casebase.store.bundle import export_cases, import_cases
+from casebase.store.models import Case, StoredDiagnosis
+from signals.condition import OperatingCondition
+from signals.features import extract
+from signals.reading.decode import read_recording
 from tests.casebase.sounds import RATE_HZ, add_sound, write_sound
 
 CONDITION = OperatingCondition(speed_rad_s=2.5, payload_kg_m2=40.0)

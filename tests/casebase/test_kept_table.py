@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from sqlalchemy import delete
 
-from casebase import kept_table
-from casebase.case_table import CaseTable, load_table
-from casebase.kept_table import read_table
 from casebase.library import TABLES, CaseLibrary
-from casebase.models import Artifact
+from casebase.search import stored_table as kept_table
+from casebase.search.case_table import CaseTable, load_table
+from casebase.search.stored_table import read_table
+from casebase.store.models import Artifact
 from casebase.upkeep import keep_table
 from tests.casebase.made import VERSION, add_case
 
@@ -109,7 +109,7 @@ def test_file_that_the_database_does_not_remember_is_not_used(sqlite_library: Ca
 CHILD = """
 import sys
 from pathlib import Path
-from casebase import kept_table
+from casebase.search import stored_table as kept_table
 from casebase.library import CaseLibrary
 from casebase.upkeep import keep_table
 from tests.casebase.made import VERSION

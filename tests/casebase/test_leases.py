@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from casebase import leases
 from casebase.errors import LeaseLostError
-from casebase.leases import BEATS, Silence
 from casebase.library import CaseLibrary
-from casebase.models import AxisRevision, WorkerLease
+from casebase.store import leases
+from casebase.store.leases import BEATS, Silence
+from casebase.store.models import AxisRevision, WorkerLease
 
 
 def axis(library: CaseLibrary) -> AxisRevision | None:

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from casebase.case_table import CaseTable, load_table
 from casebase.description import Labelling, RecordingDescription
-from casebase.diagnosis import Reasoner
-from casebase.evaluation import Evaluation, evaluate
 from casebase.library import CaseLibrary
-from casebase.signals.condition import OperatingCondition
-from casebase.signals.decode import read_recording
-from casebase.signals.features import EXTRACTOR_VERSION, extract
+from casebase.reasoning.diagnosis import Reasoner
+from casebase.reasoning.evaluation import Evaluation, evaluate
+from casebase.search.case_table import CaseTable, load_table
+from signals.condition import OperatingCondition
+from signals.features import EXTRACTOR_VERSION, extract
+from signals.reading.decode import read_recording
 from tests.shared_data import shared
 
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from casebase.case_table import CaseTable
-from casebase.diagnosis import Reasoner
-from casebase.novelty import LEVEL, NOISE, RATIOS, Likeness, kinds, likenesses
-from casebase.signals.features import catalogue, extract
-from casebase.signals.recording import Recording
+from casebase.reasoning.diagnosis import Reasoner
+from casebase.reasoning.novelty import LEVEL, NOISE, RATIOS, Likeness, kinds, likenesses
+from casebase.search.case_table import CaseTable
+from signals.features import catalogue, extract
+from signals.recording import Recording
 from tests.casebase.made import heard_table, measured_table
-from tests.casebase.signals.synthetic import RATE_HZ, Joint, sound
+from tests.signals.synthetic import RATE_HZ, Joint, sound
 
 NAMES = tuple(catalogue())
 SAYS = kinds(NAMES) >= 0

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from casebase.diagnosis import OF_ONE_AXIS, Reasoner
-from casebase.signals.condition import OperatingCondition
-from casebase.signals.features import Extraction, FeatureVector, extract
-from casebase.signals.recording import Recording
+from casebase.reasoning.diagnosis import OF_ONE_AXIS, Reasoner
+from signals.condition import OperatingCondition
+from signals.features import Extraction, FeatureVector, extract
+from signals.recording import Recording
 from tests.casebase.made import heard_table
-from tests.casebase.signals.synthetic import RATE_HZ, Joint, sound
+from tests.signals.synthetic import RATE_HZ, Joint, sound
 
 AXIS = OperatingCondition(speed_rad_s=2.5, shaft_orders=(100.0, 12.5, 1.0), mesh_orders=(1200.0, 150.0))
 

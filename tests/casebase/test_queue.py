@@ -7,9 +7,9 @@ import numpy as np
 
 from casebase.description import Labelling
 from casebase.diagnoses import revise_diagnosis
-from casebase.evaluation import Evaluation, Outcome, Proportion
 from casebase.library import CaseLibrary
 from casebase.queue import place_in, waiting
+from casebase.reasoning.evaluation import Evaluation, Outcome, Proportion
 from casebase.teaching import teaching
 from tests.casebase.kept import keep
 from tests.casebase.test_diagnoses import SIZE, diagnose, features, fill

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from casebase.case_table import CaseTable, load_table
 from casebase.library import CaseLibrary
-from casebase.retrieval import CaseMatrix
-from casebase.similarity import LIMIT, Metric
+from casebase.search.case_table import CaseTable, load_table
+from casebase.search.retrieval import CaseMatrix
+from casebase.search.similarity import LIMIT, Metric
 from tests.casebase.made import VERSION, add_case, store
 
 

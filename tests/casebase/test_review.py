@@ -10,12 +10,12 @@ from app.cli import run
 from casebase.description import Labelling, RecordingDescription
 from casebase.errors import InvalidRequestError, NotFoundError
 from casebase.library import CaseLibrary
+from casebase.reasoning.severity import _left_out, estimate
 from casebase.review import Nearby, apply, competence, quarantine_far, review, undo
-from casebase.severity import _left_out, estimate
-from casebase.signals.condition import UNKNOWN, OperatingCondition
-from casebase.signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector, catalogue
-from casebase.signals.motion import Motion
-from casebase.signals.recording import Recording
+from signals.condition import UNKNOWN, OperatingCondition
+from signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector, catalogue
+from signals.motion import Motion
+from signals.recording import Recording
 from sim.description.axis_document import write_axis
 from sim.experiment.paper_axis import PAPER_AXIS
 

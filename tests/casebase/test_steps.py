@@ -8,13 +8,13 @@ import pytest
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from casebase.case_table import CaseTable
 from casebase.diagnoses import get_diagnosis, revise_diagnosis
 from casebase.errors import ConflictError, DuplicateError, NotFoundError
-from casebase.evaluation import evaluate
 from casebase.library import CaseLibrary
-from casebase.models import AuditEntry, Case, FeatureRow, StoredDiagnosis
+from casebase.reasoning.evaluation import evaluate
+from casebase.search.case_table import CaseTable
 from casebase.steps import last_step, newest_of, step_name, undo
+from casebase.store.models import AuditEntry, Case, FeatureRow, StoredDiagnosis
 from tests.casebase.made import VERSION, add_case
 from tests.casebase.test_diagnoses import diagnose, features, fill
 

@@ -5,11 +5,11 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from casebase.diagnosis import Reasoner
-from casebase.signals.features import extract
-from casebase.signals.recording import Recording
+from casebase.reasoning.diagnosis import Reasoner
+from signals.features import extract
+from signals.recording import Recording
 from tests.casebase.made import heard_table
-from tests.casebase.signals.synthetic import RATE_HZ, Joint, rings, sound
+from tests.signals.synthetic import RATE_HZ, Joint, rings, sound
 
 
 def joint(seed: int, *labels: str) -> Recording:

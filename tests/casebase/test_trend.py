@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from casebase.gearboxes import Heard, histories
 from casebase.library import CaseLibrary
-from casebase.trend import (
+from casebase.reasoning.trend import (
     COLOUR,
     DECIDING,
     FOLLOWED,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from app.commands.starter import PER_LABEL
-from app.generation import Campaign, generate
+from app.simulated.generation import Campaign, generate
 from benchmarks.harness.live import gearcase
 from casebase.axes import add_axis
 from casebase.library import CaseLibrary

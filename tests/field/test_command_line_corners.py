@@ -13,8 +13,8 @@ import pytest
 from app.commands.exit_codes import BAD_INPUT, DONE
 from benchmarks.harness.live import gearcase
 from benchmarks.harness.sounds import sound
-from casebase.signals.errors import TelemetryError
-from casebase.signals.telemetry import read_telemetry
+from signals.errors import TelemetryError
+from signals.telemetry import read_telemetry
 from sim.description.axis_document import read_axis
 
 TOML = 'name = "würze"\r\n[motor]\r\ninertia_kg_m2 = 0.6\r\n[load]\r\ninertia_kg_m2 = 20\r\n'

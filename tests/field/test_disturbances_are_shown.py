@@ -11,10 +11,10 @@ from app.report.diagnosis_view import analysed
 from app.report.disturbed import marked, stretches
 from benchmarks.harness.live import LiveServer, started
 from benchmarks.harness.sounds import wav
-from casebase.signals.condition import UNKNOWN
-from casebase.signals.disturbances import Survey, survey
-from casebase.signals.quality import DISTURBANCES
-from tests.casebase.signals.synthetic import KNOCK_S, SILENT_S, Joint, disturbed, sound
+from signals.condition import UNKNOWN
+from signals.recording_quality.disturbances import Survey, survey
+from signals.recording_quality.quality import DISTURBANCES
+from tests.signals.synthetic import KNOCK_S, SILENT_S, Joint, disturbed, sound
 from tests.web.reading import Markup
 
 

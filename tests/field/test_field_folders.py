@@ -18,8 +18,8 @@ from _pytest.mark import ParameterSet
 from benchmarks.disturbed import DISTURBED, FOREIGN, HARMLESS, NEVER_SURE, SHORT, SILENT, Change, foreign
 from benchmarks.harness.live import gearcase
 from benchmarks.shared_data import SHARED
-from casebase.signals.decode import read_recording
-from casebase.signals.features import extract
+from signals.features import extract
+from signals.reading.decode import read_recording
 from tests.field.libraries import HELD_OUT, Library, recordings
 from tests.field.libraries import known as known_answer
 from tests.shared_data import shared

@@ -12,12 +12,12 @@ from benchmarks.harness.live import LiveServer, gearcase
 from benchmarks.harness.sounds import sound
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
-from casebase.models import Case, StoredRecording
-from casebase.plausibility import Expected, Known, held_against
-from casebase.signals.condition import OperatingCondition
-from casebase.signals.features import EXTRACTOR_VERSION
-from casebase.signals.motion import Motion
-from casebase.signals.quality import Severity
+from casebase.reasoning.plausibility import Expected, Known, held_against
+from casebase.store.models import Case, StoredRecording
+from signals.condition import OperatingCondition
+from signals.features import EXTRACTOR_VERSION
+from signals.motion import Motion
+from signals.recording_quality.quality import Severity
 from tests.casebase.conftest import library
 from tests.casebase.made import extraction, recording
 from tests.field.libraries import Library

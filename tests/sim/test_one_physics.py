@@ -26,8 +26,8 @@ specification.loader.exec_module(laws)
 import sim
 sim.laws = laws
 import numpy as np
-from sim.discrepancy.data.preprocessing import prepare
-from sim.discrepancy.model.observer import Nuisance, Observer
+from sim.investigation.data.preprocessing import prepare
+from sim.investigation.model.observer import Nuisance, Observer
 from sim.rotational.components import BearingFriction, ElastoBacklash, Inertia, LossyGear, SpringDamper, Torque, Sine
 from sim.rotational.drive_train import DriveTrain
 from sim.chain.components import GearMesh, MeshDent

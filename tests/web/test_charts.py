@@ -5,10 +5,10 @@ import pytest
 
 from app.report.charts import crest_trace
 from benchmarks.harness.sounds import RATE_HZ, hum
-from casebase.signals import crest
-from casebase.signals.condition import UNKNOWN
-from casebase.signals.disturbances import survey
-from casebase.signals.recording import Recording
+from signals import crest
+from signals.condition import UNKNOWN
+from signals.recording import Recording
+from signals.recording_quality.disturbances import survey
 
 
 def test_mean_largest_and_reversals_stand_beside_the_trace() -> None:

@@ -14,9 +14,9 @@ from app.web.first_hour import Hour, obstacles
 from benchmarks.harness.live import started
 from benchmarks.harness.site import Site
 from benchmarks.harness.sounds import RATE_HZ, hum
-from casebase.axis_cases import LabelCases
-from casebase.evaluation import Evaluation, Outcome, Proportion
-from casebase.models import AxisRevision
+from casebase.reasoning.evaluation import Evaluation, Outcome, Proportion
+from casebase.search.axis_cases import LabelCases
+from casebase.store.models import AxisRevision
 from tests.web.conftest import ARGUMENTS, NAMES, sign_in, watched
 
 CAPTURED_HZ = 48_000

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from app.http.security import csrf_token
 from app.investigations import get_investigation, names_of
-from app.security import csrf_token
 from benchmarks.harness.live import gearcase, started
 from benchmarks.harness.site import Site, browsing
 from benchmarks.harness.sounds import sound

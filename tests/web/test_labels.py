@@ -1,6 +1,6 @@
 """What is offered to be simulated can be, and damage has the name of the standard."""
 
-from app.security import csrf_token
+from app.http.security import csrf_token
 from benchmarks.harness.site import AXIS, Site, browsing
 from sim.description.axis_document import parse_axis, read_axis
 from sim.experiment.design_of_experiments import labels, labels_of, plan

@@ -8,8 +8,8 @@ import pytest
 
 from app.web.log_preview import POINTS, levels, log_preview
 from app.web.log_preview_worker import courses_of
-from casebase.signals.errors import TelemetryError
-from casebase.signals.telemetry import Telemetry
+from signals.errors import TelemetryError
+from signals.telemetry import Telemetry
 from sim.description.axis_document import read_axis
 
 BODY = read_axis({"motor": {"inertia_kg_m2": 0.1}, "load": {"inertia_kg_m2": 0.0}})

@@ -9,12 +9,12 @@ from urllib.parse import urlencode
 import pytest
 from playwright.sync_api import Page, expect
 
-from app.security import csrf_token
+from app.http.security import csrf_token
 from benchmarks.harness.live import gearcase, sign_in
 from benchmarks.harness.site import ADMIN_PAGES, EVERY_PAGE, OPERATOR_PAGES, Site, browsing, parts
 from benchmarks.harness.sounds import sound, wav
 from benchmarks.harness.worked_out import worked_out
-from tests.casebase.signals.synthetic import disturbed
+from tests.signals.synthetic import disturbed
 from tests.web.conftest import Tab, settle
 from tests.web.reading import Markup
 

@@ -9,8 +9,8 @@ from playwright.sync_api import Browser, Page, Route
 from app.report.self_contained import self_contained
 from benchmarks.harness.telemetry_of import one_body, swing
 from sim.description.axis_document import read_axis
-from sim.discrepancy.investigation import investigate
-from sim.discrepancy.report.html import html_report
+from sim.investigation.investigate import investigate
+from sim.investigation.report.html import html_report
 
 SMALLEST = """[...document.querySelectorAll("svg text")].map(
     one => parseFloat(getComputedStyle(one).fontSize) * Math.hypot(one.getScreenCTM().a, one.getScreenCTM().b))"""

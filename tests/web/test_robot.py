@@ -7,8 +7,8 @@ from playwright.sync_api import expect
 
 from app.investigations import get_investigation
 from benchmarks.harness.site import Site
-from casebase.models import now
-from casebase.signals.documents import parse_document
+from casebase.store.models import now
+from signals.reading.documents import parse_document
 from sim.robot.foreign import kept_robot
 from sim.robot.investigation import investigate_robot
 from sim.robot.log import read_log

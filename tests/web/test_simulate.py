@@ -11,7 +11,7 @@ from sqlalchemy import func, select
 from app.web.simulator import moved, simulate, sliders
 from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.site import AXIS, Site, browsing
-from casebase.models import Base
+from casebase.store.models import Base
 from sim.description.axis import Axis, MechanismEntry
 from sim.description.axis_document import parse_axis, read_axis
 from sim.experiment.paper_axis import PAPER_AXIS

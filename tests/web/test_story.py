@@ -7,9 +7,9 @@ import pytest
 
 from benchmarks.harness.telemetry_of import one_body, swing
 from sim.description.axis_document import read_axis
-from sim.discrepancy.investigation import investigate
-from sim.discrepancy.report.summary import story
-from sim.discrepancy.results import Investigation
+from sim.investigation.investigate import investigate
+from sim.investigation.report.summary import story
+from sim.investigation.results import Investigation
 
 MOTOR = {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02}
 

@@ -12,8 +12,8 @@ from playwright.sync_api import Page, expect
 
 from app.report.svg import polar_chart
 from benchmarks.harness.site import Site
-from casebase.models import StoredJob, new_id, now
-from sim.discrepancy.report.panels import AS_DESCRIBED, DESCRIBED, EXTENDED, FLOOR, MEASURED
+from casebase.store.models import StoredJob, new_id, now
+from sim.investigation.report.panels import AS_DESCRIBED, DESCRIBED, EXTENDED, FLOOR, MEASURED
 from tests.app.test_page_errors import RESULTS
 from tests.web.conftest import Opened, Tab, settle
 

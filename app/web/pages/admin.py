@@ -8,14 +8,14 @@ from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import RedirectResponse, Response
 from pydantic import ValidationError
 
-from app import keys
 from app.documents import KeyRequest
-from app.errors import Unprocessable, validation_problem
-from app.keys import Role
+from app.http import keys
+from app.http.errors import Unprocessable, validation_problem
+from app.http.keys import Role
 from app.service import Reading, TheService
 from app.web.session import FromOurPage, PageAdmin
 from app.web.templating import render
-from casebase import audit
+from casebase.store import audit
 
 router = APIRouter()
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from app.alarms.message import message_of
 from app.api.alarms import ReceiverRequest, RuleRequest
-from app.errors import Unprocessable, validation_problem
+from app.http.errors import Unprocessable, validation_problem
 from app.report.words import VERDICTS
 from app.service import Reading, Service, TheService
 from app.web.pages.diagnoses import root_of

@@ -11,20 +11,27 @@ from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from app.errors import Unprocessable
+from app.http.errors import Unprocessable
 from app.report.standing_words import state_badge, why
 from app.service import Reading, Service, TheService
 from app.web.headlines import Headlined, headlined, light
 from app.web.pages.fleet import silent_after
 from app.web.session import FromOurPage, PageOperator, PageViewer
 from app.web.templating import render
-from casebase import audit, revisions
 from casebase.alarms import rules
 from casebase.axes import get_axis, is_axis, list_axes, unknown_axis
 from casebase.description import check_choice, check_name
 from casebase.errors import NotFoundError
 from casebase.gearboxes import EXCHANGE, KINDS, NOTE, places_of
-from casebase.models import AxisRevision, MaintenanceMark, RobotRevision, StoredInvestigation, StoredRecording, now
+from casebase.store import audit, revisions
+from casebase.store.models import (
+    AxisRevision,
+    MaintenanceMark,
+    RobotRevision,
+    StoredInvestigation,
+    StoredRecording,
+    now,
+)
 
 router = APIRouter(prefix="/axes")
 SECTION = "/axes"

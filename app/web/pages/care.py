@@ -9,15 +9,15 @@ from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse, Response
 from starlette.background import BackgroundTask
 
-from app.beside import Begun
-from app.security import check_csrf
+from app.background_cache import Begun
+from app.http.security import check_csrf
+from app.http.uploads import TheUpload
 from app.service import Reading, TheService
-from app.uploads import TheUpload
 from app.web.session import PageAdmin, PageViewer
 from app.web.templating import render
 from app.web.waiting import of_library, waiting_page
-from casebase.bundle import export_cases, import_cases
-from casebase.case_filter import CaseFilter
+from casebase.search.case_filter import CaseFilter
+from casebase.store.bundle import export_cases, import_cases
 
 router = APIRouter(prefix="/library")
 SECTION = "/library"

@@ -7,9 +7,9 @@ from urllib.parse import quote
 from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import RedirectResponse, Response
 
-from app.axis_templates import TEMPLATES
-from app.errors import Unprocessable
-from app.security import Principal
+from app.axes.axis_templates import TEMPLATES
+from app.http.errors import Unprocessable
+from app.http.security import Principal
 from app.service import Reading, Service, TheService
 from app.web.axis_form import FIELDS, MOST_STAGES, STAGE, described, filled
 from app.web.session import FromOurPage, PageAdmin

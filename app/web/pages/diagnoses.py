@@ -8,18 +8,18 @@ from fastapi import APIRouter, Form, Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import select
 
-from app.errors import Forbidden, Unprocessable
-from app.gate import Looking
-from app.intake import take_in
+from app.http.concurrency_limiter import Looking
+from app.http.errors import Forbidden, Unprocessable
+from app.http.security import Principal, Role, check_csrf
+from app.http.uploads import TheUpload
 from app.investigations import investigations_from
-from app.metadata import RecordingMetadata, read_metadata
+from app.recordings.intake import take_in
+from app.recordings.metadata import RecordingMetadata, read_metadata
 from app.report.diagnosis_view import diagnosis_html, view_of
 from app.report.self_contained import self_contained
 from app.report.steps import told as told_step
 from app.report.words import VERDICTS, how_sure, investigation_headline, verdict_word
-from app.security import Principal, Role, check_csrf
 from app.service import Reading, Service, TheService
-from app.uploads import TheUpload
 from app.web.counted import counts_of
 from app.web.labels import VERIFICATIONS, LabelQuestion, Verified, choices, chosen
 from app.web.pages.queue import ask, number_of, reason_words
@@ -29,9 +29,9 @@ from app.web.templating import Message, render
 from casebase.axes import find_axis
 from casebase.cycle.retain import is_undone
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
-from casebase.models import Case, StoredDiagnosis
 from casebase.queue import place_in, waiting
 from casebase.steps import last_step, newest_of, step_name
+from casebase.store.models import Case, StoredDiagnosis
 
 router = APIRouter()
 FILTERS = (("", "All"), *VERDICTS.items())

@@ -9,18 +9,18 @@ from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import RedirectResponse, Response
 
 from app.api.simulations import SimulationRequest, campaign_of
-from app.axis_templates import TEMPLATES
-from app.beside import Begun
-from app.errors import Unprocessable
-from app.generation import KIND as GENERATION
-from app.intake import take_in
-from app.metadata import RecordingMetadata, read_metadata
+from app.axes.axis_templates import TEMPLATES
+from app.background_cache import Begun
+from app.http.errors import Unprocessable
+from app.http.security import check_csrf
+from app.http.uploads import TheUpload
+from app.recordings.intake import take_in
+from app.recordings.metadata import RecordingMetadata, read_metadata
 from app.report.disturbed import Flag, flags_of
 from app.report.steps import told as told_step
 from app.report.words import verdict_of
-from app.security import check_csrf
 from app.service import Reading, Service, TheJobs, TheService
-from app.uploads import TheUpload
+from app.simulated.generation import KIND as GENERATION
 from app.web.counted import counted, counts_of
 from app.web.first_hour import Hour, axis_cases, known_of_axis, obstacles
 from app.web.labels import VERIFICATIONS, LabelQuestion, choices, chosen
@@ -31,9 +31,9 @@ from app.web.pages.review import MOST_AT_ONCE
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.templating import Message, render
 from casebase.axes import find_axis, list_axes
-from casebase.axis_cases import Taken, gearboxes_known, newest_recordings
 from casebase.diagnoses import revise_diagnosis
 from casebase.origins import MEASURED, SIMULATED
+from casebase.search.axis_cases import Taken, gearboxes_known, newest_recordings
 from casebase.steps import newest_of, step_name
 
 router = APIRouter()

@@ -25,8 +25,8 @@ from casebase.errors import NotFoundError
 from casebase.gearbox_state import Reason, Standing, State, standing
 from casebase.gearboxes import History
 from casebase.labels import BASELINES
-from casebase.models import StoredDiagnosis, StoredInvestigation, StoredRecording, now
-from casebase.trend import Trend, trend_of
+from casebase.reasoning.trend import Trend, trend_of
+from casebase.store.models import StoredDiagnosis, StoredInvestigation, StoredRecording, now
 
 router = APIRouter()
 SECTION = "/fleet"

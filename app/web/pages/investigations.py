@@ -12,7 +12,9 @@ from sqlalchemy.orm import Session
 
 from app.api.investigations import asked_of, axis_of
 from app.api.recordings import UNCHANGING
-from app.errors import Unprocessable
+from app.http.errors import Unprocessable
+from app.http.security import Principal, check_csrf
+from app.http.uploads import TheUpload, Upload
 from app.investigations import (
     KIND,
     PARTS,
@@ -27,29 +29,27 @@ from app.investigations import (
 from app.report.formatting import ENVIRONMENT, instant, style_sheet
 from app.report.self_contained import self_contained
 from app.report.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
-from app.security import Principal, check_csrf
 from app.service import Reading, TheJobs, TheService
-from app.uploads import TheUpload, Upload
 from app.web.headlines import Headlined, headlined, light
 from app.web.log_preview import log_preview, sound_preview
 from app.web.robot import joints_of, of_robot
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.story import Part, Shown, box_shown, panel_of, panels_of
 from app.web.templating import render
-from casebase import revisions
 from casebase.axes import list_axes
 from casebase.diagnoses import get_diagnosis
-from casebase.models import AxisRevision, RobotRevision, StoredInvestigation
-from casebase.pages import page
-from casebase.signals.joint_maps import joint_map_template
-from casebase.signals.table_kinds import TEXT, binary_endings, table_kinds
-from casebase.signals.telemetry import recognise_columns
+from casebase.store import revisions
+from casebase.store.models import AxisRevision, RobotRevision, StoredInvestigation
+from casebase.store.pagination import page
+from signals.columns.joint_maps import joint_map_template
+from signals.columns.table_kinds import TEXT, binary_endings, table_kinds
+from signals.telemetry import recognise_columns
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
-from sim.discrepancy.report.box import box_of, box_of_robot, is_urgent, refused, rests_of_robot, unexplained_words
-from sim.discrepancy.report.panels import SHOWS
-from sim.discrepancy.unexplained import unexplained_of
 from sim.errors import AxisError
+from sim.investigation.report.box import box_of, box_of_robot, is_urgent, refused, rests_of_robot, unexplained_words
+from sim.investigation.report.panels import SHOWS
+from sim.investigation.unexplained import unexplained_of
 
 router = APIRouter(prefix="/investigations")
 SECTION = "/investigations"

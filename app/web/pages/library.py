@@ -9,18 +9,18 @@ from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from app.beside import Begun
-from app.errors import Conflict, Unprocessable
-from app.gate import Looking
-from app.intake import take_in
-from app.metadata import CaseMetadata, read_metadata
+from app.background_cache import Begun
+from app.http.concurrency_limiter import Looking
+from app.http.errors import Conflict, Unprocessable
+from app.http.security import check_csrf
+from app.http.uploads import TheUpload
+from app.recordings.intake import take_in
+from app.recordings.metadata import CaseMetadata, read_metadata
 from app.report.features import features_of
 from app.report.formatting import sentence
 from app.report.recorded import chart_of
 from app.report.steps import told as told_step
-from app.security import check_csrf
 from app.service import Reading, Service, TheService
-from app.uploads import TheUpload
 from app.web.counted import counted, counts_of
 from app.web.labels import VERIFICATIONS, LabelQuestion, choices, damage_of
 from app.web.labels import chosen as chosen_label
@@ -30,13 +30,13 @@ from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.templating import Message, render
 from app.web.waiting import of_library, waiting_page
 from casebase.axes import find_axis, is_axis, unknown_axis
-from casebase.case_filter import CaseFilter
-from casebase.evaluation import Evaluation
-from casebase.models import Case, StoredRecording
 from casebase.origins import MEASURED
-from casebase.signals.features import catalogue
+from casebase.reasoning.evaluation import Evaluation
+from casebase.search.case_filter import CaseFilter
 from casebase.steps import last_step, newest_of, step_name
+from casebase.store.models import Case, StoredRecording
 from casebase.teaching import Teaching, teaching
+from signals.features import catalogue
 
 router = APIRouter()
 SECTION = "/library"

@@ -8,19 +8,19 @@ from fastapi import APIRouter, Form, Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import select
 
-from app.errors import Forbidden
+from app.http.errors import Forbidden
+from app.http.security import Principal, Role
 from app.report.steps import told
 from app.report.words import how_sure, is_compared, name_of, names_fault, verdict_of
-from app.security import Principal, Role
 from app.service import Reading, TheService
 from app.web.labels import LabelQuestion
 from app.web.session import FromOurPage, PageOperator, PageViewer
 from app.web.templating import render
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import NamedFault
-from casebase.models import StoredDiagnosis
 from casebase.queue import FAULT, UNDECIDED, UNKNOWN, proposed, waiting
 from casebase.steps import undo
+from casebase.store.models import StoredDiagnosis
 
 router = APIRouter()
 SHOWN = 50

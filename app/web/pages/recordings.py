@@ -7,19 +7,19 @@ from fastapi import APIRouter, Form, Header, Query, Request, Response
 from fastapi.responses import JSONResponse, RedirectResponse
 from sqlalchemy.orm import Session
 
-from app import views
 from app.api import recordings as api
-from app.errors import Unprocessable
-from app.gate import Looking
-from app.intake import DEMO
+from app.http.concurrency_limiter import Looking
+from app.http.errors import Unprocessable
+from app.http.security import Role
+from app.recordings import views
+from app.recordings.intake import DEMO
 from app.report import charts
 from app.report.recorded import PlotName, chart_of, spectrogram_png
-from app.security import Role
 from app.service import Reading, TheService
 from app.web.session import FromOurPage, PageAdmin, SignInNeeded, Visitor, below_root
-from casebase import erasing
-from casebase.artifacts import active_artifact
 from casebase.errors import NotFoundError
+from casebase.store import erasing
+from casebase.store.artifacts import active_artifact
 
 router = APIRouter(prefix="/recordings/{recording_id}")
 demonstration = APIRouter()

@@ -8,18 +8,18 @@ from pydantic import Field
 from sqlalchemy import select
 
 from app.api.simulations import SimulationRequest, campaign_of
-from app.beside import Begun
-from app.errors import Unprocessable
-from app.generation import KIND as GENERATION
+from app.background_cache import Begun
+from app.http.errors import Unprocessable
 from app.report.words import name_of
 from app.service import Reading, TheJobs, TheService
+from app.simulated.generation import KIND as GENERATION
 from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.templating import Message, render
 from app.web.waiting import of_library, waiting_page
 from casebase import review as care
 from casebase.axes import get_axis, list_axes
 from casebase.errors import NotFoundError
-from casebase.models import Artifact
+from casebase.store.models import Artifact
 from sim.description.axis_document import read_axis
 from sim.experiment.design_of_experiments import LABELS, labels, labels_of
 

@@ -12,9 +12,9 @@ from app.web.headlines import Headlined, headlined, light
 from app.web.pages.axes import LISTED, SECTION
 from app.web.session import PageViewer
 from app.web.templating import render
-from casebase import revisions
 from casebase.errors import NotFoundError
-from casebase.models import RobotRevision, StoredInvestigation
+from casebase.store import revisions
+from casebase.store.models import RobotRevision, StoredInvestigation
 from sim.description.axis import Axis
 from sim.robot.foreign import kept_robot
 from sim.robot.robot import Robot

@@ -6,12 +6,12 @@ from typing import Annotated
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import RedirectResponse, Response
 
-from app.errors import Forbidden, NotAuthenticated
-from app.security import COOKIE, FORM_COOKIE, Principal, check_csrf, client_of, csrf_token, principal_of
+from app.http.errors import Forbidden, NotAuthenticated
+from app.http.security import COOKIE, FORM_COOKIE, Principal, check_csrf, client_of, csrf_token, principal_of
 from app.service import service_of
 from app.web.session import FromOurPage, PageViewer, Visitor
 from app.web.templating import Message, render
-from casebase import audit
+from casebase.store import audit
 
 router = APIRouter()
 KEPT_S = 14 * 24 * 3600

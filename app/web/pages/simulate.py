@@ -11,22 +11,22 @@ from fastapi import APIRouter, Depends, Header, Query, Request
 from fastapi.responses import Response
 
 from app.api.recordings import asked_range
-from app.errors import Unprocessable
-from app.gate import Looking
-from app.generation import wav
-from app.intake import hear
-from app.metadata import RecordingMetadata
+from app.http.concurrency_limiter import Looking
+from app.http.errors import Unprocessable
+from app.recordings.intake import hear
+from app.recordings.metadata import RecordingMetadata
 from app.report.charts import Chart
 from app.report.svg import Series
 from app.report.words import certainty, verdict_of
 from app.service import Service, TheService
+from app.simulated.generation import wav
 from app.web.session import PageViewer
 from app.web.simulator import Line, Run, Slider, moved, simulate, sliders
 from app.web.templating import render
 from casebase.axes import find_axis, get_axis, list_axes
 from casebase.diagnoses import provenance
-from casebase.signals.crest import peak, root_mean_square
-from casebase.signals.recording import Recording
+from signals.crest import peak, root_mean_square
+from signals.recording import Recording
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis

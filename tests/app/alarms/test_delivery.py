@@ -17,7 +17,7 @@ from app.alarms.webhook import signed
 from benchmarks.harness.live import LiveServer, started
 from benchmarks.harness.sounds import sound
 from casebase.library import CaseLibrary
-from casebase.models import Delivery
+from casebase.store.models import Delivery
 from tests.app.alarms.receivers import Broker, Hook, Mailbox, broker, mail_server, wait_for, webhook
 
 ALARMS = "/api/v1/alarms"

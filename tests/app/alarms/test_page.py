@@ -7,7 +7,7 @@ import pytest
 from sqlalchemy import select
 
 from benchmarks.harness.inside import Inside, inside
-from casebase.models import AlarmReceiver, AlarmRule, Delivery
+from casebase.store.models import AlarmReceiver, AlarmRule, Delivery
 
 HOOK = "https://tickets.example.com/in/secret-path"
 

@@ -15,9 +15,9 @@ from app.alarms.webhook import is_public
 from app.fleet import Fleet
 from app.settings import Settings
 from casebase.alarms import outbox
-from casebase.database import create_engine_for
 from casebase.library import CaseLibrary
-from casebase.models import AlarmReceiver, AuditEntry, Delivery, StoredJob, now
+from casebase.store.database import create_engine_for
+from casebase.store.models import AlarmReceiver, AuditEntry, Delivery, StoredJob, now
 from tests.app.alarms.receivers import Hook, Mailbox, free_port, mail_server, webhook
 from tests.casebase.alarms.test_rules import diagnosed, ruled
 

@@ -20,10 +20,10 @@ from sqlalchemy import make_url
 
 from app.jobs.job import Job, JobError, JobNotFoundError, JobState, JobStateError
 from app.jobs.jobs import Jobs
-from casebase import leases
-from casebase.backup import backup, restore
 from casebase.errors import InvalidCursorError
 from casebase.library import CaseLibrary
+from casebase.store import leases
+from casebase.store.backup import backup, restore
 
 PATIENCE_S = 90.0
 LEASE_S = 2.0

@@ -10,8 +10,8 @@ from benchmarks.harness.inside import inside
 from benchmarks.harness.site import EVERY_PAGE
 from benchmarks.large.library import Size
 from benchmarks.large.pages import NO_PAGES, Cost, built, cost_of, is_asked, routes
-from casebase.case_table import CaseTable
-from casebase.evaluation import Evaluation, evaluate
+from casebase.reasoning.evaluation import Evaluation, evaluate
+from casebase.search.case_table import CaseTable
 
 TIMES, FEW = 2, 6
 SHORT_BYTES, PAGE_ROWS, SLACK_BYTES = 130, 110, 1000

@@ -12,7 +12,15 @@ from casebase.alarms.state import state_of
 from casebase.diagnoses import revise_diagnosis
 from casebase.errors import ConflictError, InvalidRequestError
 from casebase.library import CaseLibrary
-from casebase.models import AuditEntry, Delivery, MaintenanceMark, StoredDiagnosis, StoredJob, StoredRecording, now
+from casebase.store.models import (
+    AuditEntry,
+    Delivery,
+    MaintenanceMark,
+    StoredDiagnosis,
+    StoredJob,
+    StoredRecording,
+    now,
+)
 from tests.casebase.kept import keep
 
 

@@ -8,9 +8,6 @@ from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 
 import migrations
-from casebase.case_filter import CaseFilter
-from casebase.counter import library_version
-from casebase.database import migration_config, upgrade_database
 from casebase.description import Labelling
 from casebase.errors import (
     ConflictError,
@@ -19,7 +16,10 @@ from casebase.errors import (
     StaleVersionError,
 )
 from casebase.library import CaseLibrary
-from casebase.models import Base
+from casebase.search.case_filter import CaseFilter
+from casebase.store.counter import library_version
+from casebase.store.database import migration_config, upgrade_database
+from casebase.store.models import Base
 from tests.casebase.made import add_case, store
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from casebase.signals.telemetry import Telemetry
+from signals.telemetry import Telemetry
 from sim.assembly import chain_of_axis, drive_train_of
 from sim.chain.integrate import run_chain
 from sim.chain.model import Chain, ChainResult, Servo

@@ -14,7 +14,9 @@ from sim.mechanisms import MECHANISMS
 ROOT = Path(__file__).parents[3]
 NAMED = re.compile(rf"({'|'.join(MECHANISMS)})(@.*)?")
 QUOTED = re.compile(rf"[\"'](?:{'|'.join(MECHANISMS)})")
-KINDS_OF_THE_DIAGNOSIS = {"casebase/signals/quality.py": {"clipping"}}  # disturbances, by the words of its document
+KINDS_OF_THE_DIAGNOSIS = {
+    "signals/recording_quality/quality.py": {"clipping"}
+}  # disturbances, by the words of its document
 FREE_OF_KINDS = ("search", "estimation", "assessment", "pooling", "next_measurement")
 
 
@@ -50,7 +52,7 @@ def test_no_module_beside_their_own_knows_a_mechanism_by_its_name() -> None:
 @pytest.mark.parametrize("folder", FREE_OF_KINDS)
 def test_what_weighs_mechanisms_knows_none_of_them(folder: str) -> None:
     """It reads what all of them say of themselves, and never asks which one it is."""
-    for path in modules(f"sim/discrepancy/{folder}"):
+    for path in modules(f"sim/investigation/{folder}"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
         classes = [name.name for node in imports if node.module == "sim.mechanisms" for name in node.names]

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from benchmarks.robot_arms import Array, random_arm, robot, swings, torque
-from casebase.signals.telemetry import Telemetry
+from signals.telemetry import Telemetry
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Robot

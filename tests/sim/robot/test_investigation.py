@@ -10,8 +10,8 @@ import pytest
 
 from benchmarks.harness.live import gearcase
 from benchmarks.robot_arms import Link, channel_map, robot, swings, torque, two_links, with_mass, write_log, write_robot
-from casebase.signals.telemetry import Telemetry
-from sim.discrepancy.data.data_fault import InvestigationError
+from signals.telemetry import Telemetry
+from sim.investigation.data.data_fault import InvestigationError
 from sim.robot.investigation import RobotLog, investigate_robot
 from sim.robot.robot import read_robot
 from tests.shared_data import shared

@@ -7,8 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from benchmarks.robot_arms import Array, robot, swings, torque, two_links, with_mass
-from casebase.signals.telemetry import Telemetry
-from sim.discrepancy.report.panels import AS_DESCRIBED, EXTENDED, MEASURED, Panel
+from signals.telemetry import Telemetry
+from sim.investigation.report.panels import AS_DESCRIBED, EXTENDED, MEASURED, Panel
 from sim.robot.investigation import RobotLog, investigate_robot
 from sim.robot.joint_panels import finding_panels
 from sim.robot.results import RobotInvestigation

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from benchmarks.robot_arms import Array, robot, two_links
-from casebase.signals.telemetry import Telemetry
+from signals.telemetry import Telemetry
 from sim.description.axis_document import read_axis
-from sim.discrepancy.data.data_fault import InvestigationError
+from sim.investigation.data.data_fault import InvestigationError
 from sim.robot.motion import Motion
 from sim.robot.robot import Joint
 

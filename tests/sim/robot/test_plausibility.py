@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.robot_arms import Array, Link, random_arm, robot, swings, torque, two_links, with_mass
-from sim.discrepancy.data.data_fault import InvestigationError
+from sim.investigation.data.data_fault import InvestigationError
 from sim.robot.motion import Motion
 from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.rigid_body import RigidBody

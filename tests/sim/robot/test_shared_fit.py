@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from benchmarks.robot_arms import Array, Link, random_arm, robot, swings, torque, with_mass
-from sim.discrepancy.assessment.intervals import NINETY
+from sim.investigation.assessment.intervals import NINETY
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import RigidBody
 from sim.robot.shared_fit import LOAD_LOSS, SharedFit, built_up, shared_fits

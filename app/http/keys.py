@@ -1,0 +1,98 @@
+"""Keys of the service: 256 random bits each, shown once, kept as SHA-256; each has a role."""
+
+import hashlib
+import hmac
+import secrets
+from collections.abc import Sequence
+from datetime import timedelta
+from enum import StrEnum
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from casebase.errors import ConflictError, InvalidRequestError, NotFoundError
+from casebase.store import audit
+from casebase.store.models import ROLES, ApiKey, now
+from casebase.store.pagination import Page, check_cursor, page_upwards
+
+PREFIX = "gearcase_"
+SEEN_EVERY = timedelta(minutes=1)
+"""So old may the time be at which a key is said to have been used last."""
+
+
+class Role(StrEnum):
+    """What a key may do; each role may do what those before it may."""
+
+    VIEWER = "viewer"
+    OPERATOR = "operator"
+    ADMIN = "admin"
+
+    def may(self, needed: "Role") -> bool:
+        return ROLES.index(self) >= ROLES.index(needed)
+
+
+def create_key(session: Session, *, name: str, role: Role) -> tuple[ApiKey, str]:
+    """Return the new row and the key itself, which is in no way to be had again.
+
+    Raises:
+        InvalidRequestError: if the name is empty, too long or has control characters.
+    """
+    if not name.strip() or len(name) > 200 or any(character < " " for character in name):
+        raise InvalidRequestError(
+            "a key needs a name of 1 to 200 characters, none of them a control character: whose key is it?"
+        )
+    key = PREFIX + secrets.token_urlsafe(32)
+    row = ApiKey(name=name, role=role.value, key_sha256=_digest(key), created_by=audit.actor_of(session))
+    session.add(row)
+    session.flush()
+    audit.record(session, "key.created", ("key", row.id), after={"name": name, "role": role.value})
+    return row, key
+
+
+def find_key(session: Session, key: str) -> ApiKey | None:
+    """Return the row of a key that is in force, or None if it is unknown or revoked."""
+    digest = _digest(key)
+    row = session.scalar(select(ApiKey).where(ApiKey.key_sha256 == digest))
+    if row is None or not hmac.compare_digest(row.key_sha256, digest) or row.revoked_at is not None:
+        return None
+    return row
+
+
+def note_use(session: Session, key_id: str) -> None:
+    """Remember that a key was used."""
+    session.get_one(ApiKey, key_id).last_used_at = now()
+
+
+def list_keys(session: Session) -> Sequence[ApiKey]:
+    """Return all keys, revoked ones too, oldest first."""
+    return session.scalars(select(ApiKey).order_by(ApiKey.id)).all()
+
+
+def keys_page(session: Session, *, limit: int = 50, cursor: str | None = None) -> Page[ApiKey]:
+    """Return a page of the keys, revoked ones too, oldest first."""
+    after = None if cursor is None else check_cursor(cursor)
+    return page_upwards(session, select(ApiKey), ApiKey.id, limit=limit, after=after)
+
+
+def revoke_key(session: Session, key_id: str) -> ApiKey:
+    """End a key for good; again is no error.
+
+    Raises:
+        NotFoundError: if no key has this id.
+        ConflictError: if it is the last admin key in force, after which nobody could make another.
+    """
+    row = session.get(ApiKey, key_id)
+    if row is None:
+        raise NotFoundError(f"no key has the id {key_id!r}; `gearcase keys list` shows them")
+    if row.revoked_at is not None:
+        return row
+    admins = select(ApiKey.id).where(ApiKey.role == Role.ADMIN.value, ApiKey.revoked_at.is_(None))
+    if session.scalars(admins).all() == [key_id]:
+        raise ConflictError("this is the last admin key in force; create another one before you revoke it")
+    row.revoked_at = now()
+    audit.record(session, "key.revoked", ("key", row.id), before={"name": row.name, "role": row.role})
+    return row
+
+
+def _digest(key: str) -> str:
+    return hashlib.sha256(key.encode()).hexdigest()

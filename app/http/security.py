@@ -1,0 +1,167 @@
+"""Who may do what: a role on every route, by key in a header or, for pages, in a cookie with a CSRF token.
+
+A role is a dependency of its route, and a `Guard`: the request limits (`app.http.request_limits`) find it there and
+ask it before the body.
+"""
+
+import hashlib
+import hmac
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Annotated
+
+import structlog
+from fastapi import Request, Security
+from fastapi.security import HTTPBearer
+from fastapi.security.http import HTTPAuthorizationCredentials
+from fastapi.security.utils import get_authorization_scheme_param
+
+from app.http.errors import Forbidden, NotAuthenticated, TooManyFailures
+from app.http.keys import PREFIX, Role, find_key
+from app.service import Service, service_of
+
+__all__ = ["Admin", "Guard", "Operator", "Principal", "Role", "Viewer"]
+
+log = structlog.get_logger(__name__)
+
+COOKIE = "gearcase_key"
+FORM_COOKIE = "gearcase_form"
+"""Of a browser that has no key yet: its sign-in form carries the token of this cookie."""
+
+CSRF_HEADER = "X-CSRF-Token"
+SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+NOBODY = "unknown"
+
+bearer = HTTPBearer(
+    auto_error=False,
+    scheme_name="key",
+    description=f"A key from `gearcase keys create`, as `Authorization: Bearer {PREFIX}...`",
+)
+
+
+@dataclass(frozen=True)
+class Principal:
+    """Who asks."""
+
+    key_id: str
+    name: str
+    role: Role
+
+    @property
+    def actor(self) -> str:
+        """How the audit log names it; the ending tells keys of the same name apart."""
+        return f"{self.name[:190]}#{self.key_id[-6:]}"
+
+
+def principal_of(service: Service, key: str, client: str) -> Principal:
+    """Return whose key this is.
+
+    Raises:
+        NotAuthenticated: if the key is unknown or revoked.
+        TooManyFailures: instead, if that happened too often from this address.
+    """
+    with service.library.reading() as session:
+        row = find_key(session, key)
+    if row is None:
+        raise _refusal(service, key, client)
+    principal = Principal(row.id, row.name, Role(row.role))
+    service.key_notes.used(row, principal.actor)
+    return principal
+
+
+def _refusal(service: Service, key: str, client: str) -> NotAuthenticated | TooManyFailures:
+    service.metrics.refused_keys.inc()
+    log.warning("key refused", client=client)
+    if not service.limiter.hit(service.failed_keys, client):
+        return TooManyFailures(
+            f"More wrong keys than {service.settings.failed_keys} came from {client}. "
+            "Wait a minute; a valid key still works.",
+            headers={"Retry-After": "60"},
+        )
+    service.key_notes.refused(client, NOBODY)
+    if not key.startswith(PREFIX):
+        return NotAuthenticated(f"This is no Gearcase key: they begin with {PREFIX}. An admin can make one.")
+    return NotAuthenticated("The key is unknown or has been revoked. An admin can make another one.")
+
+
+def csrf_token(key: str) -> str:
+    """Return the token that the forms of a page carry; it cannot be made without the key itself."""
+    return hmac.new(key.encode(), b"gearcase form", hashlib.sha256).hexdigest()
+
+
+def check_csrf(request: Request, given: str, cookie: str = COOKIE) -> None:
+    """Compare the token of a form or header with the one that belongs to a cookie, by default to that with the key.
+
+    Raises:
+        Forbidden: if they differ.
+    """
+    expected = csrf_token(request.cookies.get(cookie, ""))
+    if not hmac.compare_digest(expected.encode(), given.encode()):
+        raise Forbidden(
+            f"A request that is signed in by cookie must carry the page's token in {CSRF_HEADER}. "
+            "Reload the page and try again."
+        )
+
+
+def client_of(request: Request) -> str:
+    return request.client.host if request.client else NOBODY
+
+
+def admitted(request: Request, principal: Principal) -> Principal:
+    """Remember who asks, for the log and for whoever needs it later in the same request."""
+    request.state.actor, request.state.principal = principal.actor, principal
+    return principal
+
+
+def known(request: Request) -> Principal | None:
+    """Return who asks, where that has been found out already."""
+    principal: Principal | None = getattr(request.state, "principal", None)
+    return principal
+
+
+def _identify(request: Request) -> Principal:
+    service = service_of(request)
+    scheme, key = get_authorization_scheme_param(request.headers.get("Authorization"))
+    if scheme.lower() == "bearer" and key:
+        return principal_of(service, key, client_of(request))
+    cookie = request.cookies.get(COOKIE)
+    if cookie is None:
+        raise NotAuthenticated(f"Send a key: `Authorization: Bearer {PREFIX}...`. An admin can make one.")
+    principal = principal_of(service, cookie, client_of(request))
+    if request.method not in SAFE_METHODS:
+        check_csrf(request, request.headers.get(CSRF_HEADER, ""))
+    return principal
+
+
+class Guard(ABC):
+    """Dependency that lets a request in by its headers alone."""
+
+    @abstractmethod
+    def admit(self, request: Request) -> Principal:
+        """Return who asks, if that one may; raises what the answer is to be otherwise."""
+
+
+@dataclass(frozen=True)
+class Requires(Guard):
+    """Dependency: the key's role must be this one or a higher one."""
+
+    role: Role
+
+    def __call__(
+        self, request: Request, _: Annotated[HTTPAuthorizationCredentials | None, Security(bearer)]
+    ) -> Principal:
+        return self.admit(request)
+
+    def admit(self, request: Request) -> Principal:
+        principal = known(request) or admitted(request, _identify(request))
+        if not principal.role.may(self.role):
+            raise Forbidden(
+                f"This needs the role {self.role}; the key {principal.name!r} has the role {principal.role}."
+            )
+        return principal
+
+
+Viewer = Annotated[Principal, Security(Requires(Role.VIEWER), scopes=[Role.VIEWER.value])]
+Operator = Annotated[Principal, Security(Requires(Role.OPERATOR), scopes=[Role.OPERATOR.value])]
+Admin = Annotated[Principal, Security(Requires(Role.ADMIN), scopes=[Role.ADMIN.value])]
+"""The scope is for the OpenAPI document, where it names the role that an operation needs."""

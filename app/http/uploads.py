@@ -1,0 +1,243 @@
+"""Uploads: streamed to a temporary file after the door has let them in, a few at a time."""
+
+import hashlib
+import os
+import tempfile
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, aclosing, asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import Depends, Request
+from fastapi.concurrency import run_in_threadpool
+from pydantic import BaseModel
+from starlette.datastructures import FormData, Headers, UploadFile
+from starlette.formparsers import MultiPartException
+
+from app.http.concurrency_limiter import Gate
+from app.http.errors import BadRequest, TooLarge, Unprocessable, UnsupportedMedia
+from app.http.forms import FormParser, plain_name
+from app.service import Service, service_of
+from casebase.store.stale_locks import hold
+from signals.errors import TextError
+from signals.reading.text import is_whole, text_of
+
+BLOCK = 1024 * 1024
+NAME_CHARACTERS = 255
+SEVERAL = ("sound", "telemetry", "as_new", "axis")
+"""Parts that may come more than once: recordings of one axis, axes of a robot's joints."""
+
+
+@dataclass(frozen=True)
+class UploadedFile:
+    """One file of a form: where its bytes are, until the request ends."""
+
+    path: Path
+    name: str
+    media_type: str
+    size: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Upload:
+    """A multipart request: its files and its text fields by name, and further files of names that were there."""
+
+    files: dict[str, UploadedFile]
+    fields: dict[str, str]
+    more: tuple[tuple[str, UploadedFile], ...] = ()
+
+    def file(self, name: str) -> UploadedFile:
+        """Return the file of this part.
+
+        Raises:
+            Unprocessable: if there is none.
+        """
+        if name in self.files:
+            return self.files[name]
+        parts = ", ".join(sorted({*self.files, *self.fields})) or "none"
+        raise Unprocessable(f"The form needs a file in the part {name!r}; it has the parts: {parts}.")
+
+    def all_of(self, name: str) -> tuple[UploadedFile, ...]:
+        """Return the files of all parts of this name, as they came."""
+        return tuple(file for part, file in (*self.files.items(), *self.more) if part == name)
+
+    def text(self, name: str, limit: int) -> str:
+        """Return the text of this part, whether sent as a field or as a file; empty where it is missing."""
+        if name not in self.files:
+            return text_of(self.fields.get(name, ""))
+        return _text(name, self.files[name], limit)
+
+    def texts(self, name: str, limit: int) -> dict[str, str]:
+        """Return the texts of all files of this part, by the names of the files.
+
+        Raises:
+            Unprocessable: if two have the same name, or one is not UTF-8 text.
+            TooLarge: if one is longer than the limit.
+        """
+        found: dict[str, str] = {}
+        for file in self.all_of(name):
+            if file.name in found:
+                raise Unprocessable(f"The form has two files {file.name!r} in the parts {name!r}; give each its name.")
+            found[file.name] = _text(name, file, limit)
+        return found
+
+    def filled(self) -> "Upload":
+        """Return it without files of no bytes: a browser sends one for each field that was left alone."""
+        kept = [(name, file) for name, file in (*self.files.items(), *self.more) if file.size]
+        first = dict(reversed(kept))
+        more = tuple(each for each in kept if first[each[0]] is not each[1])
+        return Upload(first, self.fields, more)
+
+    def only(self, *known: str) -> None:
+        """Refuse parts that nobody asked for.
+
+        Raises:
+            Unprocessable: if there are any.
+        """
+        unknown = sorted({*self.files, *self.fields} - set(known))
+        if unknown:
+            raise Unprocessable(f"The form has unknown parts: {', '.join(unknown)}. Known: {', '.join(known)}.")
+
+
+def _text(part: str, file: UploadedFile, limit: int) -> str:
+    if file.size > limit:
+        raise TooLarge(f"The part {part!r} has {file.size} bytes; it may have {limit}.")
+    try:
+        return text_of(file.path.read_bytes())
+    except TextError:
+        raise Unprocessable(f"The part {part!r} is not UTF-8 text.") from None
+
+
+def _store(part: UploadFile, folder: Path, number: int) -> UploadedFile:
+    digest = hashlib.sha256()
+    path = folder / str(number)
+    with path.open("wb") as target:
+        while block := part.file.read(BLOCK):
+            digest.update(block)
+            target.write(block)
+    name = Path(plain_name(part.filename or "").replace("\\", "/")).name
+    printable = "".join(character for character in name if character.isprintable())[:NAME_CHARACTERS]
+    media_type = part.content_type or "application/octet-stream"
+    return UploadedFile(path, printable or "unnamed", media_type, part.size or 0, digest.hexdigest())
+
+
+def check_whole(name: str, text: str) -> None:
+    """Refuse a field of a form that no database could hold.
+
+    Raises:
+        Unprocessable: if it has NUL or half a character.
+    """
+    if not (is_whole(name) and is_whole(text)):
+        raise Unprocessable(f"The part {name!a} has NUL or half a character in it: send text as UTF-8.")
+
+
+def _store_all(form: FormData, folder: Path) -> Upload:
+    files: dict[str, UploadedFile] = {}
+    fields: dict[str, str] = {}
+    more: list[tuple[str, UploadedFile]] = []
+    for number, (name, value) in enumerate(form.multi_items()):
+        if name in fields or (name in files and (name not in SEVERAL or isinstance(value, str))):
+            raise Unprocessable(f"The form has the part {name!r} twice; send one recording per request.")
+        if isinstance(value, str):
+            check_whole(name, value)
+            fields[name] = value
+        elif name in files:
+            more.append((name, _store(value, folder, number)))
+        else:
+            files[name] = _store(value, folder, number)
+    return Upload(files, fields, tuple(more))
+
+
+def is_form(headers: Headers) -> bool:
+    """Whether a request says that its body is an upload; where a route takes none, that says nothing."""
+    return headers.get("content-type", "").lower().startswith("multipart/form-data")
+
+
+@asynccontextmanager
+async def received(request: Request, service: Service) -> AsyncIterator[Upload]:
+    """Read a multipart request into a temporary folder, gone afterwards.
+
+    Raises:
+        UnsupportedMedia: if it is no multipart request.
+        BadRequest: if the form cannot be parsed or has too many or too long parts.
+    """
+    settings = service.settings
+    if not is_form(request.headers):
+        content_type = request.headers.get("content-type", "") or "without a content type"
+        raise UnsupportedMedia(f"Send multipart/form-data with the part 'file'; this is {content_type}.")
+    async with AsyncExitStack() as stack:
+        stream = await stack.enter_async_context(aclosing(request.stream()))
+        parser = FormParser(
+            request.headers,
+            stream,
+            max_files=settings.form_parts,
+            max_fields=settings.form_parts,
+            max_part_size=settings.metadata_bytes,
+        )
+        try:
+            form = await parser.parse()
+        except MultiPartException as error:
+            raise BadRequest(f"The form cannot be read: {error.message}") from None
+        stack.push_async_callback(form.close)
+        settings.incoming.mkdir(parents=True, exist_ok=True)
+        folder = stack.enter_context(tempfile.TemporaryDirectory(dir=settings.incoming))
+        descriptor = os.open(folder, os.O_RDONLY)
+        stack.callback(os.close, descriptor)
+        hold(descriptor)
+        yield await run_in_threadpool(_store_all, form, Path(folder))
+
+
+async def upload_of(request: Request) -> AsyncIterator[Upload | None]:
+    """Dependency, after the one for the role: the multipart request, or None where the body is JSON."""
+    if request.headers.get("content-type", "").lower().startswith("application/json"):
+        yield None
+        return
+    gate: Gate = request.app.state.gate
+    async with gate.enter(request.state.principal.key_id), received(request, service_of(request)) as upload:
+        yield upload
+
+
+async def needed_upload(upload: Annotated[Upload | None, Depends(upload_of, scope="function")]) -> Upload:
+    if upload is None:
+        raise UnsupportedMedia("Send multipart/form-data with the part 'file'; this is application/json.")
+    return upload
+
+
+MaybeUpload = Annotated[Upload | None, Depends(upload_of, scope="function")]
+TheUpload = Annotated[Upload, Depends(needed_upload, scope="function")]
+
+
+def multipart_body(
+    metadata: type[BaseModel], instead: type[BaseModel] | None = None, query: type[BaseModel] | None = None
+) -> dict[str, Any]:
+    """The OpenAPI of a request with the parts `file` and `metadata`, or with a JSON document instead.
+
+    Args:
+        query: of a part `query`, which can stand for the file.
+    """
+    content: dict[str, Any] = {
+        "multipart/form-data": {
+            "schema": {
+                "type": "object",
+                "required": ["file"],
+                "additionalProperties": False,
+                "properties": {
+                    "file": {"type": "string", "format": "binary", "description": "WAV, FLAC, or what a phone records"},
+                    "metadata": {**metadata.model_json_schema(), "description": "JSON: what is known of the recording"},
+                },
+            },
+            "encoding": {"file": {"contentType": "audio/wav"}, "metadata": {"contentType": "application/json"}},
+        }
+    }
+    if any(field.is_required() for field in metadata.model_fields.values()):
+        content["multipart/form-data"]["schema"]["required"].append("metadata")
+    if query is not None:
+        del content["multipart/form-data"]["schema"]["required"]
+        described = {**query.model_json_schema(), "description": "JSON: what is looked for, and how"}
+        content["multipart/form-data"]["schema"]["properties"]["query"] = described
+        content["multipart/form-data"]["encoding"]["query"] = {"contentType": "application/json"}
+    if instead is not None:
+        content["application/json"] = {"schema": instead.model_json_schema()}
+    return {"requestBody": {"required": True, "content": content}}

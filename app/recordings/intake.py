@@ -1,0 +1,235 @@
+"""A recording comes in: decoded in the limited worker, its features taken, what was said of it kept."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+from sqlalchemy.orm import Session
+
+from app.recordings.metadata import RecordingMetadata
+from app.recordings.sound import read_sound
+from app.settings import settings_of
+from casebase.axes import find_axis, list_axes
+from casebase.description import RecordingDescription, check_name
+from casebase.library import CaseLibrary
+from casebase.origins import DEMO as DEMO
+from casebase.reasoning.plausibility import Expected, Known, held_against
+from casebase.store.audio_store import StoredBytes
+from casebase.store.models import StoredDiagnosis, StoredRecording
+from signals.features import Extraction, extract
+from signals.recording import Recording
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+
+CONTRADICTED = "contradicted"
+"""Key of what was typed of a recording and is not used."""
+
+KEEPERS = ThreadPoolExecutor(4, thread_name_prefix="keeper")
+"""Waiting for the disk takes no processor: bytes are made durable while features are computed."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A recording, its features and how it was taken; nothing of it is stored.
+
+    Args:
+        remarks: what of its description limits an answer, one sentence each.
+    """
+
+    recording: Recording
+    extraction: Extraction
+    description: RecordingDescription
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Intake(Heard):
+    """A recording on its way into the library: its bytes are on disk, its rows are not yet there."""
+
+    stored: StoredBytes
+
+    def store(self, library: CaseLibrary, session: Session) -> StoredRecording:
+        return library.retain.recording(session, self.stored, self.recording, self.extraction, self.description)
+
+    def diagnose(self, library: CaseLibrary, session: Session) -> StoredDiagnosis:
+        row = self.store(library, session)
+        return library.reuse.diagnose(session, row, self.extraction, self.remarks)
+
+
+MEDIA_TYPES = {
+    ".wav": "audio/wav",
+    ".flac": "audio/flac",
+    ".aif": "audio/aiff",
+    ".aiff": "audio/aiff",
+    ".caf": "audio/x-caf",
+    ".mp3": "audio/mpeg",
+    ".m4a": "audio/mp4",
+    ".mp4": "video/mp4",
+    ".mov": "video/quicktime",
+    ".3gp": "video/3gpp",
+    ".aac": "audio/aac",
+    ".amr": "audio/amr",
+    ".ogg": "audio/ogg",
+    ".oga": "audio/ogg",
+    ".opus": "audio/ogg",
+    ".mka": "audio/x-matroska",
+    ".mkv": "video/x-matroska",
+    ".webm": "video/webm",
+    ".wma": "audio/x-ms-wma",
+}
+
+
+def media_type_of(file_name: str) -> str:
+    """The media type that a file's name says: sound, video or plain bytes."""
+    return MEDIA_TYPES.get(Path(file_name).suffix.lower(), "application/octet-stream")
+
+
+def when_recorded(recording: Recording, said: datetime | None) -> tuple[datetime | None, tuple[str, ...]]:
+    """Return when a sound was recorded, what was said before what the recorder's clock says, and a remark on it.
+
+    A clock without an offset is taken to be that of the site (`GEARCASE_TIME_ZONE`).
+    """
+    clock = recording.source.recorded_at
+    if said is not None or clock is None or clock.tzinfo is not None:
+        return said or clock, ()
+    zone = settings_of().time_zone
+    remark = f"the recorder's clock said {clock:%Y-%m-%d %H:%M:%S} without an offset, which was taken as time of {zone}"
+    return clock.replace(tzinfo=ZoneInfo(zone)), (remark,)
+
+
+def shaft_orders(axis: Axis) -> tuple[float, ...]:
+    """Turns of each shaft per turn of the output, motor first [1]."""
+    return tuple(axis.ratio_from(shaft) for shaft in ("motor", *(stage.name for stage in axis.stages)))
+
+
+def mesh_orders(axis: Axis) -> tuple[float, ...]:
+    """Tooth engagements of each mesh per turn of the output, motor side first [1]; those with known teeth."""
+    return tuple(
+        stage.driven_teeth * axis.ratio_from(stage.name) for stage in axis.stages if stage.driven_teeth is not None
+    )
+
+
+def known_axis(library: CaseLibrary, name: str | None) -> Axis | None:
+    """The current description of an axis, or None where only its name is known."""
+    if name is None:
+        return None
+    with library.reading() as session:
+        row = find_axis(session, name)
+    return None if row is None else read_axis(row.document)
+
+
+def expected(library: CaseLibrary, axis: Axis | None, name: str | None) -> Expected:
+    """What an axis' description and the library's measured cases of it say of its motion."""
+    name = name or (axis.name if axis else None)
+    with library.reading() as session:
+        cases = library.retrieve.measured(session, name) if name else Expected()
+    if axis is None:
+        return cases
+    source = f"the description of {axis.name!r}"
+
+    def known(value: float) -> Known:
+        return Known(value, value, source)
+
+    motion, load, limit = axis.motion, axis.load.inertia_kg_m2, axis.motor.speed_limit_rad_s
+    described = Expected(
+        speed_rad_s=known(motion.load_speed_rad_s) if axis.describes_motion("load_speed_rad_s") else None,
+        payload_kg_m2=known(load) if load > 0 else None,
+        motion_period_s=known(motion.period_s) if axis.describes_motion("period_s") else None,
+        top_speed_rad_s=limit / axis.ratio if math.isfinite(limit) else None,
+        ratio=axis.ratio,
+    )
+    return described.joined(cases)
+
+
+def take_in(
+    library: CaseLibrary,
+    path: Path,
+    name: str,
+    media_type: str,
+    metadata: RecordingMetadata,
+    axis: Axis | None = None,
+) -> Intake:
+    """Decode a file, take its features and, meanwhile, keep its bytes; see `hear`."""
+    recording = decoded(path, metadata, axis)
+    keeping = KEEPERS.submit(library.audio.put, path)
+    try:
+        heard = hear(library, recording, name, media_type, metadata, axis)
+    finally:
+        stored = keeping.result()
+    return Intake(**vars(heard), stored=stored)
+
+
+def decoded(path: Path, metadata: RecordingMetadata, axis: Axis | None = None) -> Recording:
+    """Decode a file in the limited worker.
+
+    Raises:
+        SignalError: what is wrong with the file, as `read_recording` says.
+    """
+    if axis is not None:
+        check_name("name of the axis", axis.name)
+    return replace(read_sound(path, channel=metadata.channel), unit=metadata.unit)
+
+
+def hear(
+    library: CaseLibrary,
+    recording: Recording,
+    name: str,
+    media_type: str,
+    metadata: RecordingMetadata,
+    axis: Axis | None = None,
+) -> Heard:
+    """Take the features of a recording and what is known of how it was taken; nothing is stored.
+
+    What sound, axis or library contradict of the condition is not used: it stands under `contradicted` in the
+    description, and a flag says why.
+
+    Args:
+        axis: its description; by default the library's for the name in the metadata, where it has one.
+
+    Raises:
+        SignalError: what its description has wrong, as `extract` says.
+    """
+    axis = axis or known_axis(library, metadata.axis)
+    condition = metadata.condition(
+        shaft_orders=shaft_orders(axis) if axis else (), mesh_orders=mesh_orders(axis) if axis else ()
+    )
+    extraction = extract(recording, condition)
+    stated = condition.speed_rad_s or condition.payload_kg_m2 or condition.motion_period_s
+    known = expected(library, axis, metadata.axis) if stated else Expected()
+    usable, doubts = held_against(condition, extraction.motion, known)
+    if doubts:
+        extraction = extract(recording, usable)
+        extraction = replace(extraction, quality=(*extraction.quality, *doubts))
+    extra = metadata.model_dump(
+        mode="json", include={"robot", "temperature_degc", "notes", "verified_by"}, exclude_none=True
+    )
+    typed = {name: value for name, value in asdict(condition).items() if value != getattr(usable, name)}
+    extra |= {CONTRADICTED: typed} if typed else {}
+    if recording.source.device is not None:
+        extra["device"] = recording.source.device
+    recorded_at, remarks = when_recorded(recording, metadata.recorded_at)
+    description = RecordingDescription(
+        file_name=name,
+        media_type=media_type,
+        axis=metadata.axis or (axis.name if axis else None),
+        gearbox=metadata.gearbox,
+        condition=usable,
+        recorded_at=recorded_at,
+        extra=extra,
+    )
+    if not axis:
+        remarks += unknown_axis(library, metadata.axis)
+    return Heard(recording, extraction, description, remarks)
+
+
+def unknown_axis(library: CaseLibrary, name: str | None) -> tuple[str, ...]:
+    """Say what an axis without a description costs, and which ones are described; nothing where none was named."""
+    if name is None:
+        return ()
+    with library.reading() as session:
+        known = [row.name for row in list_axes(session)]
+    described = f"described are {', '.join(known[:10])}" if known else "none is described yet (POST /api/v1/axes)"
+    return (f"no axis is described as {name!r}, so features of its shafts and meshes are missing; {described}",)

@@ -1,0 +1,84 @@
+"""Bumps that repeat with the motion: what tells notch from play."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from signals import envelope
+from signals.analysis import Analysis
+from signals.band import Band
+from signals.features.family import FeatureFamily
+from signals.features.vector import FeatureDefinition
+from signals.motion import HOP_HZ
+from signals.synchronous_average import TOLERANCE
+
+SOURCE = (
+    "synchronous averaging (McFadden 1986) on strokes, with a median; height over noise: signals.synchronous_average"
+)
+SENTENCES = {
+    "play_bump": "Highest bump that both directions have while braking or starting: play is crossed when the torque "
+    "reverses, which is where braking starts, some tenths of a second before the standstill.",
+    "standstill_bump": "Highest bump that both directions have while the axis hardly moves: play at the new start, "
+    "but a healthy gear clicks faintly here, too.",
+    "both_directions_bump": "Highest bump that both directions have away from the reversal: an obstacle that is "
+    "met either way, or noise.",
+    "notch_bump": "Highest bump that one direction has alone, where the axis moves: a notch meets the mesh at one "
+    "angle and on one flank, and never where no tooth moves.",
+}
+
+
+class Repetition(FeatureFamily):
+    """Bumps in the folded envelope of three bands, and how the envelope repeats after a cycle and half a cycle."""
+
+    definitions = (
+        *(
+            FeatureDefinition(f"{name}_{band.label}", "dB", sentence, SOURCE)
+            for band in Band
+            for name, sentence in SENTENCES.items()
+        ),
+        FeatureDefinition(
+            "repetition_after_full_cycle_12_200_hz",
+            "1",
+            "Correlation of the envelope with itself one cycle later: high for whatever belongs to the motion.",
+            "autocorrelation",
+        ),
+        FeatureDefinition(
+            "repetition_after_half_cycle_12_200_hz",
+            "1",
+            "Correlation of the envelope with itself one stroke later: high for what both directions have, as play.",
+            "autocorrelation",
+        ),
+    )
+
+    def compute(self, analysis: Analysis) -> Sequence[float]:
+        """Return the bumps of every band; NaN without a known reversal."""
+        bumps = [height for band in Band for height in self._bumps(analysis, band)]
+        trace, period_s = analysis.traced(Band.LOW), analysis.motion.period_s
+        if trace is None or period_s is None:
+            return [*bumps, math.nan, math.nan]
+        stroke = round(period_s * HOP_HZ / 2)
+        tolerance = 2 * TOLERANCE
+        return [
+            *bumps,
+            envelope.repetition(trace, 2 * stroke, tolerance),
+            envelope.repetition(trace, stroke, tolerance),
+        ]
+
+    @staticmethod
+    def _bumps(analysis: Analysis, band: Band) -> tuple[float, float, float, float]:
+        folded = analysis.folded(band)
+        if folded is None:
+            return (math.nan,) * 4
+        near, quiet = folded.in_zone, folded.in_quiet
+        return (
+            _highest(folded.both_db[near & ~quiet]),
+            _highest(folded.both_db[quiet]),
+            _highest(folded.both_db[~near]),
+            _highest(folded.single_db[~quiet]),
+        )
+
+
+def _highest(heights: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+    known = heights[np.isfinite(heights)]
+    return float(known.max()) if known.size else math.nan

@@ -1,0 +1,55 @@
+"""Gears of which nothing elastic is known and whose output nobody sees: the drive moves as one body, at the motor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from signals.telemetry import Telemetry
+from sim.description.axis import Axis, Load, LoadEncoder, Transmission
+
+
+def is_one_body(axis: Axis, telemetry: Telemetry) -> bool:
+    """Whether gears are rigid for all that is described and logged: no stiffness, no backlash, no encoder at the load.
+
+    Nor a mechanism, which may act at a gear.
+
+    A stiffness that is unknown shows between two encoders; at the motor alone it is what acceleration and weight are.
+    """
+    elastic = any(stiffness is not None for stiffness in axis.stiffness())
+    loose = any(stage.backlash_rad for stage in axis.stages)
+    seen = "load_position_rad" in telemetry.channels
+    return bool(axis.stages) and not (elastic or loose or seen or axis.mechanisms)
+
+
+def has_ratios_alone(axis: Axis) -> bool:
+    """Whether neither teeth nor losses of the gears are described, which no body has."""
+    plain = (s.driven_teeth is None and s.mesh_efficiency == 1.0 and not s.transmission_error_rad for s in axis.stages)
+    return all(plain)
+
+
+def at_the_motor(axis: Axis, load_kg_m2: float = 0.0) -> Axis:
+    """The axis as one body that turns with the motor; what moves behind a gear counts by its ratio (squared).
+
+    `load_kg_m2`: inertia of the load, where it is no part of a known torque.
+    """
+    n, motor, load = axis.ratio, axis.motor, axis.load
+    inertias = sum(stage.inertia_kg_m2 * (axis.ratio_from(stage.name) / n) ** 2 for stage in axis.stages)
+    return replace(
+        axis,
+        stages=(),
+        transmission=Transmission(),
+        load_encoder=LoadEncoder(),
+        load=Load(load_kg_m2 / n**2 + (inertias if motor.inertia_kg_m2 else 0.0)),
+        motor=replace(
+            motor,
+            coulomb_friction_n_m=motor.coulomb_friction_n_m + load.coulomb_friction_n_m / n,
+            viscous_friction_n_m_s_per_rad=motor.viscous_friction_n_m_s_per_rad
+            + load.viscous_friction_n_m_s_per_rad / n**2,
+        ),
+    )
+
+
+def as_described(axis: Axis, found: Axis) -> Axis:
+    """The described gears with what was found at the motor."""
+    load = replace(axis.load, coulomb_friction_n_m=0.0, viscous_friction_n_m_s_per_rad=0.0)
+    return replace(axis, motor=found.motor, load=load, mechanisms=found.mechanisms)

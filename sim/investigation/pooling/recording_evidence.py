@@ -1,0 +1,206 @@
+"""What each of several recordings of an axis says of a name that any of them gave."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim.investigation.acoustic.evidence import LARGEST, SILENT
+from sim.investigation.assessment.calibration import WEIGHTS
+from sim.investigation.assessment.intervals import INFLATION
+from sim.investigation.assessment.posterior import CLOSE, log_odds
+from sim.investigation.assessment.posterior import existence as exists_in
+from sim.investigation.data.excitation import excitation_of, lacking, lacking_at
+from sim.investigation.estimation.estimate import Fit
+from sim.investigation.estimation.problem import Problem
+from sim.investigation.estimation.refit import all_rows
+from sim.investigation.hypotheses.hypothesis import Term
+from sim.investigation.hypotheses.identifiability import the_same
+from sim.investigation.pooling.log_odds import (
+    PRIOR,
+    LogOdds,
+    Name,
+    against,
+    existence,
+    logit,
+    probability,
+    silent,
+)
+from sim.investigation.results import SAID, Finding, Investigation
+from sim.investigation.search.comparison import ModelComparison
+from sim.investigation.search.criterion import TEMPERATURE
+from sim.mechanisms.catalogue import kind_or_any
+from sim.mechanisms.traits import SIZE_SHARE
+
+
+def name_of(mechanism: str, location: str | None, numbers: Mapping[str, float]) -> Name:
+    told_by = kind_or_any(mechanism).told_by
+    return Name(mechanism, location, numbers.get(told_by) if told_by else None)
+
+
+def called(finding: Finding) -> Name:
+    return name_of(finding.mechanism, finding.location, {e.name: e.value for e in finding.parameters})
+
+
+def term_name(term: Term, values: Mapping[str, float]) -> Name:
+    return name_of(term.mechanism, term.location, term.report(values))
+
+
+def is_own(name: Name) -> bool:
+    """Whether it is of a recording and not of the axis."""
+    return kind_or_any(name.mechanism).of_the_recording
+
+
+def said_by(result: Investigation, name: Name) -> Finding | None:
+    return next((f for f in result.findings if called(f) == name), None)
+
+
+def shows(result: Investigation, name: Name) -> bool:
+    finding = said_by(result, name)
+    return finding is not None and finding.probability >= SAID
+
+
+def _standings(result: Investigation) -> dict[Name, ModelComparison]:
+    """Of the names that telemetry gave."""
+    selection = result.weighed
+    if selection is None:
+        return {}
+    return {term_name(t, selection.fit.values): selection.standings[t.key] for t in selection.found}
+
+
+def found_at(results: Sequence[Investigation], name: Name) -> tuple[Term, Fit] | None:
+    """Where the recording that gains most by it found it: the term and its fit."""
+    best: tuple[float, Term, Fit] | None = None
+    for selection in (result.weighed for result in results):
+        for term in selection.found if selection else ():
+            gain = selection.gains[term.key] if selection else 0.0
+            if selection and term_name(term, selection.fit.values) == name and (best is None or gain > best[0]):
+                best = (gain, term, selection.fit)
+    return None if best is None else best[1:]
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """What all recordings say of a name; `sayings` in their order, `elsewhere`: places that explain them as well."""
+
+    probability: float
+    indistinguishable_from: tuple[str, ...]
+    elsewhere: tuple[str, ...]
+    sayings: tuple[LogOdds, ...]
+
+
+def weighed(results: Sequence[Investigation], denied: Collection[tuple[Name, int]] = ()) -> dict[Name, Weighed]:
+    """Every name that any recording gave; of names for one effect that nothing tells apart, the better founded.
+
+    `denied`: names, and the places of recordings whose unseen rows are predicted worse with them.
+    """
+    names = list(dict.fromkeys(called(f) for result in results for f in result.findings))
+    sayings = {
+        name: [
+            LogOdds(-LARGEST) if (name, place) in denied else _saying(result, name, results)
+            for place, result in enumerate(results)
+        ]
+        for name in names
+    }
+    rivals = {name: against(sayings[name]) for name in names}
+    out: dict[Name, Weighed] = {}
+    for name in names:
+        given = [finding for result in results if (finding := said_by(result, name))]
+        somewhere, everywhere = the_same_together(results, name)
+        left_out = {r.mechanism for r in rivals[name]} | (somewhere - everywhere)
+        alike = dict.fromkeys(m for f in given for m in f.indistinguishable_from if m not in left_out)
+        near = [r for r, odds in rivals[name].items() if abs(odds) < CLOSE]
+        told = tuple([*alike, *sorted({r.mechanism for r in near} - {name.mechanism})][:2])
+        better = [r for r in names if rivals[name].get(r, 0.0) < 0.0]
+        if any(r.mechanism in (name.mechanism, *told) for r in better):
+            continue
+        counted = [odds for r, odds in rivals[name].items() if r.mechanism not in (name.mechanism, *told)]
+        places = tuple(r.location for r in near if r.mechanism == name.mechanism and r.location)
+        p = probability(existence(sayings[name]), counted, [f.probability for f in given])
+        out[name] = Weighed(p, told, places, tuple(sayings[name]))
+    return out
+
+
+def the_same_together(results: Sequence[Investigation], name: Name) -> tuple[set[str], set[str]]:
+    """What looks the same as a mechanism in any of the recordings that name it, and what does in all of them together:
+    what is told by the motion of others would not be of one size there."""
+    ms = [r.gate.measurement for r in results if r.gate is not None and said_by(r, name)]
+    if not ms:
+        return set(), set()
+    each = {other for m in ms for other in the_same(name.mechanism, lacking(m))}
+    return each, set(the_same(name.mechanism, lacking_at(np.concatenate([excitation_of(m).speed for m in ms]))))
+
+
+def _saying(result: Investigation, name: Name, results: Sequence[Investigation]) -> LogOdds:
+    """What a recording says of `name`: no more than the size that it has in all of them gains it."""
+    finding, found = said_by(result, name), found_at(results, name)
+    if found is None:  # by sound
+        if finding is not None:
+            return LogOdds(logit(finding.probability) - PRIOR)
+        return LogOdds(math.log(SILENT) if result.provenance["sound_sha256"] and not is_own(name) else 0.0)
+    if is_own(name) and finding is None:  # another recording knows nothing of it
+        return LogOdds(0.0)
+    values = {} if result.weighed is None else result.weighed.fit.values
+    asked = math.inf if is_own(name) or _is_of(result, found[1]) else _asked(result, *found)
+    for other, standing in _standings(result).items():
+        given, beaten = said_by(result, other), _beaten(standing, values)
+        if given is not None and given.evidence is not None and name in (other, *beaten):
+            exists = min(exists_in(given.evidence) - PRIOR, asked)
+            return LogOdds(exists, beaten if name == other else {other: -beaten[name]})
+    return LogOdds(min(asked, 0.0))  # it had its reasons not to name it
+
+
+def _is_of(result: Investigation, fit: Fit) -> bool:
+    return result.weighed is not None and result.weighed.fit is fit
+
+
+def instead(result: Investigation, wrong: Iterable[Name]) -> set[Name]:
+    """What a recording tried in place of the names `wrong` that it gave."""
+    standings = _standings(result)
+    values = {} if result.weighed is None else result.weighed.fit.values
+    return {rival for name in wrong if name in standings for rival in _beaten(standings[name], values)}
+
+
+def _beaten(standing: ModelComparison, values: Mapping[str, float]) -> dict[Name, float]:
+    """Log odds of a name against each of its rivals."""
+    return {
+        term_name(r, {p.name: p.start for p in r.parameters} | dict(values)): log_odds(t, WEIGHTS.overdispersion)
+        for r, t in standing.rivals
+    }
+
+
+def _holding(problem: Problem, own: Fit, rest: Sequence[Term], term: Term, fit: Fit) -> Fit | None:
+    """The model `rest` with `term`, its numbers held to what `fit`, that of another recording, knows of them.
+
+    A wave has its size, but the phase that fits: angles count from anywhere.
+    """
+    spread, known = fit.deviations(), {p.name: fit.values[p.name] for p in term.parameters}
+    wave = [name for name in known if name.endswith((".sine", ".cosine"))]
+    start = [({**own.values, **known}, own.sensitivities)]
+    if len(wave) == 2 and (free := problem.best((*rest, term), start)):
+        times = math.hypot(*(known[n] for n in wave)) / max(math.hypot(*(free.values[n] for n in wave)), 1e-300)
+        known |= {n: times * free.values[n] for n in wave}
+    held = tuple(
+        replace(p, start=v, centre=v, spread=max(INFLATION * spread[p.name], SIZE_SHARE * abs(v), 1e-300))
+        for p in term.parameters
+        for v in [known[p.name]]
+    )
+    return problem.best((*rest, replace(term, parameters=held)), [({**own.values, **known}, own.sensitivities)])
+
+
+def _asked(result: Investigation, term: Term, fit: Fit) -> float:
+    """Log odds for `term` from a recording that has to take it as it stands in `fit`, the fit of another."""
+    selection = result.weighed
+    if selection is None:
+        return 0.0
+    problem, own = selection.problem, selection.fit
+    if term.contact and not problem.measurement.told.all():
+        problem, own = all_rows(problem, own)
+    name = term_name(term, fit.values)
+    rest = tuple(t for t in own.terms if term_name(t, own.values) != name)
+    without = own if len(rest) == len(own.terms) else problem.best(rest, [(own.values, own.sensitivities)])
+    with_it = _holding(problem, own, rest, term, fit)
+    return silent(without.cost - with_it.cost, TEMPERATURE) if without and with_it else 0.0

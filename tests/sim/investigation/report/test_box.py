@@ -1,0 +1,54 @@
+"""The box: beside a size that was found stands what is allowed as new, where that is known."""
+
+from typing import Any
+
+import pytest
+
+from sim.description.axis_document import read_axis
+from sim.investigation.report.box import box_of, is_urgent
+
+
+def found(mechanism: str, parameter: str, location: str = "output") -> dict[str, Any]:
+    """A document of one finding."""
+    size = {"name": parameter, "value": 0.0009, "unit": "rad", "low": 0.00085, "high": 0.00095}
+    said = {"mechanism": mechanism, "location": location, "probability": 0.95, "parameters": [size]}
+    said |= {"indistinguishable_from": [], "explanation": "It is there.", "action": "Look."}
+    return {"verdict": "named", "findings": [said], "unexplained": None, "next_measurement": ""}
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "parameter", "allowed"),
+    [
+        ("backlash", "gap_rad", "1.03\N{NO-BREAK SPACE}arc min"),
+        ("mesh_error", "amplitude_rad", "0.0344\N{NO-BREAK SPACE}arc min"),
+        ("tooth_damage", "depth_rad", ""),
+    ],
+)
+def test_what_a_new_axis_has_at_most_stands_beside_what_was_found(mechanism: str, parameter: str, allowed: str) -> None:
+    stage = {"name": "output", "driver_teeth": 12, "driven_teeth": 96, "stiffness_n_m_per_rad": 1e5}
+    stage |= {"backlash_rad": 3e-4, "transmission_error_rad": 1e-5}
+    bare = {"name": "bench", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 40.0}}
+    axis = read_axis({**bare, "stages": [stage]})
+    (entry,) = box_of(found(mechanism, parameter), axis)
+    beside = entry.sizes[0].beside
+    assert beside.startswith("90 % interval ")
+    assert ("as new at most" in beside) == bool(allowed)
+    assert allowed in beside
+    assert beside in dict(entry.facts)["What"], "on paper too"
+    (of_robot,) = box_of(found(mechanism, parameter), None)
+    assert "as new" not in of_robot.sizes[0].beside, "no description, no limit"
+
+
+def test_how_sure_is_a_figure_only_where_that_is_calibrated() -> None:
+    document = found("backlash", "gap_rad")
+    assert box_of(document, None)[0].how_sure == "very likely (95\N{NO-BREAK SPACE}%)"
+    document["findings"][0]["calibrated"] = False
+    assert box_of(document, None)[0].how_sure == "very likely"
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "probability", "urgent"),
+    [("tooth_damage", 0.95, True), ("tooth_damage", 0.4, False), ("torque_ripple", 0.95, False)],
+)
+def test_urgent_is_damage_that_grows_and_that_was_found(mechanism: str, probability: float, urgent: bool) -> None:
+    assert is_urgent({"findings": [{"mechanism": mechanism, "probability": probability}]}) == urgent
