@@ -43,7 +43,7 @@ def test_a_name_is_seen_in_every_kind_of_string() -> None:
 def test_no_module_beside_their_own_knows_a_mechanism_by_its_name() -> None:
     known = {
         path.relative_to(ROOT).as_posix(): names
-        for path in modules("sim", "app", "casebase", "docs")
+        for path in modules("sim", "app", "casebase", "signals", "docs")
         if "mechanisms" not in path.relative_to(ROOT).parts and (names := names_in(path.read_text(encoding="utf-8")))
     }
     assert known == KINDS_OF_THE_DIAGNOSIS
