@@ -3,9 +3,9 @@
 Each feature is scaled by its spread within the labels, moderated as in `casebase.reasoning.novelty`, and multiplied by
 the root of its prior weight (`casebase.reasoning.priors`; even where the machine does not move to and fro): the penalty
 on the coefficients is then a normal prior whose variance is that weight, so physics decides where the cases do not. How
-strong the prior is, is chosen by the likelihood of gearboxes left out. The data leave the coefficients uncertain, so log odds
-shrink with the variance that this gives them: the regression is less sure where it has no cases. A feature that a
-recording does not have counts as a usual one. From the answers to cases left out come
+strong the prior is, is chosen by the likelihood of gearboxes left out. The data leave the coefficients uncertain, so
+log odds shrink with the variance that this gives them: the regression is less sure where it has no cases. A feature
+that a recording does not have counts as a usual one. From the answers to cases left out come
 
 - the calibration of the leading label and of "there is a fault": logit p = offset + slope * score, both drawn weakly
   to what libraries of several machines had; no answer is surer than as many cases without an error allow (Laplace);

@@ -3,9 +3,9 @@
 The sound below 200 Hz, where a gear's forces are heard without the ringing of its housing, is folded on strokes that
 repeat (`signals.synchronous_average`): a height of 0 dB is what noise alone reaches somewhere with probability 0.05. A
 tooth strikes once per cycle in one direction, play at both ends where the torque changes its sign. What a healthy gear
-does it does in both directions, and on either side of a standstill, alike: a candidate is judged by how far it stands out
-over every other bump. Where strokes do not repeat, a tooth is a few impacts that stand far over the second around them,
-and play makes the end of strokes louder than their beginning.
+does it does in both directions, and on either side of a standstill, alike: a candidate is judged by how far it stands
+out over every other bump. Where strokes do not repeat, a tooth is a few impacts that stand far over the second around
+them, and play makes the end of strokes louder than their beginning.
 """
 
 from __future__ import annotations
