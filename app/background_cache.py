@@ -20,7 +20,7 @@ SOON_S = 0.25
 
 
 @dataclass(frozen=True)
-class Asked(Generic[Value]):
+class CachedQuery(Generic[Value]):
     """What is asked of the library.
 
     Args:
@@ -37,7 +37,7 @@ class Asked(Generic[Value]):
 
 
 @dataclass(frozen=True)
-class Begun:
+class Pending:
     """What is being worked out, since when, and how long the last one of its kind took [s]; None where none did."""
 
     future: "Future[Any]"
@@ -56,10 +56,10 @@ class Beside:
     def __init__(self, library: CaseLibrary, stopping: Event) -> None:
         self._library, self._stopping = library, stopping
         self._lock = Lock()
-        self._found: dict[tuple[str, Hashable, Hashable], Begun] = {}
+        self._found: dict[tuple[str, Hashable, Hashable], Pending] = {}
         self._took_s: dict[str, float] = {}
 
-    def get(self, asked: Asked[Value]) -> Value:
+    def get(self, asked: CachedQuery[Value]) -> Value:
         """Return the answer, waiting for it.
 
         Raises:
@@ -78,7 +78,7 @@ class Beside:
             headers={"Retry-After": "60"},
         )
 
-    def soon(self, asked: Asked[Value], wait_s: float = SOON_S) -> Value | Begun:
+    def soon(self, asked: CachedQuery[Value], wait_s: float = SOON_S) -> Value | Pending:
         """Return the answer if it is there, or soon; else what is begun.
 
         Raises:
@@ -91,7 +91,7 @@ class Beside:
         found: Value = begun.future.result()
         return found
 
-    def begun(self, asked: Asked[Any]) -> Begun:
+    def begun(self, asked: CachedQuery[Any]) -> Pending:
         """Return what will be the answer; who asks first has it worked out."""
         key = (asked.kind, asked.state, asked.about)
         with self._lock:
@@ -100,11 +100,11 @@ class Beside:
                 self._found = {
                     kept: one for kept, one in self._found.items() if (kept[0], kept[1]) == key[:2] or kept[0] != key[0]
                 }
-                known = self._found[key] = Begun(Future(), last_s=self._took_s.get(asked.kind))
+                known = self._found[key] = Pending(Future(), last_s=self._took_s.get(asked.kind))
                 Thread(target=self._compute, args=(asked, known), daemon=True).start()
             return known
 
-    def _compute(self, asked: Asked[Any], begun: Begun) -> None:
+    def _compute(self, asked: CachedQuery[Any], begun: Pending) -> None:
         try:
             with self._library.reading() as session:
                 found = asked.work(session)

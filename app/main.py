@@ -27,12 +27,12 @@ from app.api import (
     simulations,
     steps,
 )
-from app.http.concurrency_limiter import Gate
+from app.http.concurrency_limiter import ConcurrencyLimiter
 from app.http.errors import add_problem_handlers
 from app.http.metrics import Metrics
 from app.http.middleware import CloseUnread, Faults, HeadIsGet, RequestRecord, SecurityHeaders
 from app.http.reference import PROBLEMS, describe, only_known_query
-from app.http.request_limits import Door, terms_of_all
+from app.http.request_limits import RequestLimits, terms_of_all
 from app.service import Service
 from app.settings import Settings, settings_of
 from app.web.errors import PageErrors
@@ -74,8 +74,8 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         running = service or Service.open(settings, metrics)
         app.state.service = running
-        app.state.gate = Gate(settings.uploads_at_once, settings.uploads_per_key)
-        app.state.looking = Gate(settings.looks_at_once, settings.looks_per_key)
+        app.state.gate = ConcurrencyLimiter(settings.uploads_at_once, settings.uploads_per_key)
+        app.state.looking = ConcurrencyLimiter(settings.looks_at_once, settings.looks_per_key)
         warm_up()
         terms_of_all(app)
         running.upkeep.start()
@@ -111,7 +111,7 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
     expected = {kind: handler for kind, handler in app.exception_handlers.items() if kind is not Exception}
     app.user_middleware += [  # innermost; what the door raises is answered as if a route had raised it
         Middleware(ExceptionMiddleware, handlers=expected),
-        Middleware(Door, settings=settings),
+        Middleware(RequestLimits, settings=settings),
     ]
     app.openapi = lambda: describe(app)  # type: ignore[method-assign]
     return app

@@ -13,7 +13,7 @@ from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
 from app.alarms.watch import alarm_watch
-from app.background_cache import Asked, Begun, Beside
+from app.background_cache import Beside, CachedQuery, Pending
 from app.cleanup import leftovers
 from app.fleet import Fleet
 from app.http.key_usage import KeyNotes
@@ -64,38 +64,38 @@ class Service:
         """
         return self.beside.get(self._evaluation(session, group, origin))
 
-    def evaluation_soon(self, session: Session, origin: str, without: str | None = None) -> Evaluation | Begun:
+    def evaluation_soon(self, session: Session, origin: str, without: str | None = None) -> Evaluation | Pending:
         """The library's cross-validation by gearbox as it is now, without a case if one is named, or what is begun."""
         return self.beside.soon(self._evaluation(session, "gearbox", origin, without))
 
-    def evaluation_of_axis(self, session: Session, axis: str) -> Evaluation | Begun:
+    def evaluation_of_axis(self, session: Session, axis: str) -> Evaluation | Pending:
         """What the library as it is now says of the held-out cases of an axis, or what is begun."""
         return self.beside.soon(self._evaluation(session, "gearbox", "both", axis=axis), wait_s=0.0)
 
     def _evaluation(
         self, session: Session, group: str, origin: str, without: str | None = None, axis: str | None = None
-    ) -> Asked[Evaluation]:
+    ) -> CachedQuery[Evaluation]:
         def work(session: Session) -> Evaluation:
             return self.library.reuse.evaluate(session, group=group, origin=origin, without=without, axis=axis)
 
         kind = "evaluation" if axis is None else "evaluation of an axis"
-        return Asked(kind, library_version(session), (group, origin, without, axis), work)
+        return CachedQuery(kind, library_version(session), (group, origin, without, axis), work)
 
-    def fleet_soon(self, session: Session) -> Begun | None:
+    def fleet_soon(self, session: Session) -> Pending | None:
         """What is begun of a large fleet after a start of the service; None where it is known."""
         if not self.fleet.is_begun(session):
             return None
-        found = self.beside.soon(Asked("fleet", None, None, self.fleet.in_service))
-        return found if isinstance(found, Begun) else None
+        found = self.beside.soon(CachedQuery("fleet", None, None, self.fleet.in_service))
+        return found if isinstance(found, Pending) else None
 
-    def review_soon(self, session: Session) -> Review | Begun:
+    def review_soon(self, session: Session) -> Review | Pending:
         """What is wrong or missing in the library as it is now, or what is begun."""
 
         def work(session: Session) -> Review:
             return review(session, self.library.reuse.reasoner(session))
 
         state = library_version(session), EXTRACTOR_VERSION
-        return self.beside.soon(Asked("review", state, None, work))
+        return self.beside.soon(CachedQuery("review", state, None, work))
 
     @cached_property
     def beside(self) -> Beside:

@@ -29,7 +29,7 @@ from casebase.search.case_table import CaseTable
 from signals.condition import OperatingCondition
 from signals.features import EXTRACTOR_VERSION, catalogue, extract
 from signals.reading.decode import read_recording
-from sim.acoustics.transfer_path_fit import Heard, fit_sound
+from sim.acoustics.transfer_path_fit import NormalRecording, fit_sound
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.experiment.design_of_experiments import LABELS, Planned, plan
@@ -53,10 +53,10 @@ class Vectors:
         return Vectors(self.values[rows], self.labels[rows], self.gearboxes[rows], self.origin)
 
 
-def measured(folder: Path, axis: Axis) -> tuple[Vectors, dict[str, list[Heard]]]:
+def measured(folder: Path, axis: Axis) -> tuple[Vectors, dict[str, list[NormalRecording]]]:
     """All recordings as features, and the normal ones by gearbox."""
     values, labels, gearboxes = [], [], []
-    normal: dict[str, list[Heard]] = {}
+    normal: dict[str, list[NormalRecording]] = {}
     with (folder / "manifest.csv").open() as lines:
         for row in csv.DictReader(lines):
             speed, payload = float(row["speed_rad_s"]), float(row["payload_kg_m2"])
@@ -72,7 +72,7 @@ def measured(folder: Path, axis: Axis) -> tuple[Vectors, dict[str, list[Heard]]]
             labels.append(row["label"])
             gearboxes.append(row["gearbox"])
             if row["label"] == "normal" and found.motion.period_s:
-                heard = Heard(recording.samples, speed, payload, found.motion.period_s)
+                heard = NormalRecording(recording.samples, speed, payload, found.motion.period_s)
                 normal.setdefault(row["gearbox"], []).append(heard)
     return Vectors(np.array(values), np.array(labels), np.array(gearboxes), "measured"), normal
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from enum import StrEnum
 
-from casebase.gearboxes import OPEN, REJECTED, Heard, History
+from casebase.gearboxes import OPEN, REJECTED, GearboxRecording, History
 from casebase.labels import BASELINES
 from casebase.reasoning.trend import Trend
 
@@ -66,8 +66,8 @@ class Standing:
     state: State
     reason: Reason
     since: datetime | None
-    recording: Heard | None = None
-    last: Heard | None = None
+    recording: GearboxRecording | None = None
+    last: GearboxRecording | None = None
     trend: Trend | None = None
     fault: "NamedFault | None" = None
 
@@ -81,7 +81,7 @@ class NamedFault:
         good: how many recordings since the first of them are named normal.
     """
 
-    named: tuple[Heard, ...]
+    named: tuple[GearboxRecording, ...]
     good: int = 0
 
     @property
@@ -100,7 +100,7 @@ class NamedFault:
         return self.found or self.still_asked_for > 0
 
 
-def named_fault(heard: Sequence[Heard]) -> NamedFault | None:
+def named_fault(heard: Sequence[GearboxRecording]) -> NamedFault | None:
     """Return the newest fault that recordings, oldest first, name; None where they name none."""
     fault: NamedFault | None = None
     for one in heard:
@@ -121,7 +121,7 @@ def standing_fault(history: History) -> NamedFault | None:
     return fault if fault is not None and fault.stands else None
 
 
-def fault_before(history: History, recording: Heard) -> NamedFault | None:
+def fault_before(history: History, recording: GearboxRecording) -> NamedFault | None:
     """Return the fault that stood when a recording was taken, by what was heard before it; None where none did."""
     then = replace(
         history,
@@ -131,7 +131,7 @@ def fault_before(history: History, recording: Heard) -> NamedFault | None:
     return standing_fault(then)
 
 
-def said_of(recordings: Sequence[Heard]) -> list[Heard]:
+def said_of(recordings: Sequence[GearboxRecording]) -> list[GearboxRecording]:
     """Return the recordings that say something: diagnosed, usable, and not rejected."""
     return [one for one in recordings if one.verdict not in (None, "unusable") and one.review != REJECTED]
 
@@ -170,7 +170,11 @@ def standing(history: History, trend: Trend | None, now: datetime, silent_after:
 
 
 def _undecided(
-    newest: Heard | None, usable: Sequence[Heard], heard: Sequence[Heard], last: Heard, trend: Trend | None
+    newest: GearboxRecording | None,
+    usable: Sequence[GearboxRecording],
+    heard: Sequence[GearboxRecording],
+    last: GearboxRecording,
+    trend: Trend | None,
 ) -> Standing:
     if newest is None:
         reason = Reason.UNUSABLE if heard else Reason.NOT_DIAGNOSED
@@ -179,21 +183,21 @@ def _undecided(
     return Standing(State.CANNOT_SAY, reason, _since(usable, _is_open).at, newest, last, trend)
 
 
-def is_fault(heard: Heard) -> bool:
+def is_fault(heard: GearboxRecording) -> bool:
     """Whether a fault is named, or there is one of which only the name is open."""
     return heard.fault is True or (heard.verdict == "diagnosed" and heard.label not in BASELINES)
 
 
-def is_good(heard: Heard) -> bool:
+def is_good(heard: GearboxRecording) -> bool:
     """Whether it is named normal, or there is no fault."""
     return heard.fault is False or (heard.verdict == "diagnosed" and heard.label in BASELINES)
 
 
-def _is_open(heard: Heard) -> bool:
+def _is_open(heard: GearboxRecording) -> bool:
     return not is_fault(heard) and not is_good(heard)
 
 
-def _since(heard: Sequence[Heard], holds: Callable[[Heard], bool]) -> Heard:
+def _since(heard: Sequence[GearboxRecording], holds: Callable[[GearboxRecording], bool]) -> GearboxRecording:
     """Return the first of the recordings at the end of which all are so."""
     first = heard[-1]
     for one in reversed(heard):

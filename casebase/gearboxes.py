@@ -30,7 +30,7 @@ HEARD_AT: ColumnElement[datetime] = case(
 
 
 @dataclass(frozen=True)
-class Heard:
+class GearboxRecording:
     """A recording of a gearbox, and the newest that was said of it.
 
     Args:
@@ -86,7 +86,7 @@ class History:
     number: int
     since: datetime | None
     until: datetime | None
-    heard: tuple[Heard, ...]
+    heard: tuple[GearboxRecording, ...]
     done: tuple[Done, ...]
 
     @property
@@ -96,13 +96,13 @@ class History:
         return max([*times, *([self.since] if self.since else [])], default=None)
 
     @property
-    def since_renewed(self) -> tuple[Heard, ...]:
+    def since_renewed(self) -> tuple[GearboxRecording, ...]:
         """What was heard since."""
         renewed = self.renewed
         return self.heard if renewed is None else tuple(one for one in self.heard if one.at >= renewed)
 
     @property
-    def comparable(self) -> tuple[Heard, ...]:
+    def comparable(self) -> tuple[GearboxRecording, ...]:
         """What was heard since, from where the microphone stands now."""
         moved = max((each.at for each in self.done if each.kind == MICROPHONE), default=None)
         return tuple(one for one in self.since_renewed if moved is None or one.at >= moved)
@@ -124,7 +124,7 @@ def histories_of(session: Session, places: Sequence[Place]) -> dict[Place, list[
     return {place: _histories(place, heard.get(place, []), done.get(place[0] or "", [])) for place in places}
 
 
-def _histories(place: Place, heard: Sequence[Heard], done: Sequence[Done]) -> list[History]:
+def _histories(place: Place, heard: Sequence[GearboxRecording], done: Sequence[Done]) -> list[History]:
     axis, gearbox = place
     edges = sorted({each.at for each in done if _ends(each, gearbox) or _begins(each, gearbox)})
     found: list[History] = []
@@ -153,7 +153,7 @@ def _within(at: datetime, since: datetime | None, until: datetime | None) -> boo
     return (since is None or at >= since) and (until is None or at < until)
 
 
-def _heard(session: Session, places: Sequence[Place]) -> dict[Place, list[Heard]]:
+def _heard(session: Session, places: Sequence[Place]) -> dict[Place, list[GearboxRecording]]:
     recordings = session.execute(
         select(
             StoredRecording.axis,
@@ -166,14 +166,14 @@ def _heard(session: Session, places: Sequence[Place]) -> dict[Place, list[Heard]
             StoredRecording.payload_kg_m2,
         ).where(of_places(places), *is_measured(session))
     ).all()
-    said = _said(session, places, {row[2]: Heard(*row[2:]) for row in recordings})
-    found: dict[Place, list[Heard]] = {}
+    said = _said(session, places, {row[2]: GearboxRecording(*row[2:]) for row in recordings})
+    found: dict[Place, list[GearboxRecording]] = {}
     for axis, gearbox, identity, *_ in recordings:
         found.setdefault((axis, gearbox), []).append(said[identity])
     return {place: sorted(heard, key=lambda one: (one.at, one.recording_id)) for place, heard in found.items()}
 
 
-def _said(session: Session, places: Sequence[Place], heard: dict[str, Heard]) -> dict[str, Heard]:
+def _said(session: Session, places: Sequence[Place], heard: dict[str, GearboxRecording]) -> dict[str, GearboxRecording]:
     """Add to recordings, by id, what their diagnoses and their cases say."""
     cases = session.execute(
         select(Case.recording_id, Case.label)

@@ -23,7 +23,7 @@ Reason = Literal["not_in_library", "ambiguous", "fault"]
 
 
 @dataclass(frozen=True)
-class Place:
+class QueuePosition:
     """Where a diagnosis stands in the queue.
 
     Args:
@@ -95,15 +95,15 @@ def reason_of(verdict: str) -> Reason:
     return reasons.get(verdict, "fault")
 
 
-def place_in(ids: Sequence[str], diagnosis_id: str) -> Place:
+def place_in(ids: Sequence[str], diagnosis_id: str) -> QueuePosition:
     """Return where a diagnosis stands.
 
     >>> place_in(["a", "b", "c"], "b")
-    Place(number=2, count=3, before='a', after='c')
+    QueuePosition(number=2, count=3, before='a', after='c')
     >>> place_in(["a", "b"], "z")
-    Place(number=None, count=2, before=None, after='a')
+    QueuePosition(number=None, count=2, before=None, after='a')
     """
     if diagnosis_id not in ids:
-        return Place(None, len(ids), None, ids[0] if ids else None)
+        return QueuePosition(None, len(ids), None, ids[0] if ids else None)
     at = ids.index(diagnosis_id)
-    return Place(at + 1, len(ids), ids[at - 1] if at else None, ids[at + 1] if at + 1 < len(ids) else None)
+    return QueuePosition(at + 1, len(ids), ids[at - 1] if at else None, ids[at + 1] if at + 1 < len(ids) else None)

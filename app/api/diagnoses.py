@@ -16,7 +16,7 @@ from app.documents import (
     page_found,
     page_of,
 )
-from app.http.concurrency_limiter import Looking
+from app.http.concurrency_limiter import ReadingLimit
 from app.http.headers import chosen
 from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Operator, Viewer
@@ -93,7 +93,7 @@ def diagnosis(_: Viewer, session: Reading, diagnosis_id: Identifier) -> Diagnosi
     "/diagnoses/{diagnosis_id}/report",
     response_model=DiagnosisAnswer,
     responses={200: {"content": {HTML: {}}}},
-    dependencies=[Looking],
+    dependencies=[ReadingLimit],
 )
 def report(_: Viewer, session: Reading, service: TheService, diagnosis_id: Identifier, request: Request) -> Response:
     """The diagnosis to read and to file: one HTML page that works offline, or JSON, by `Accept`."""

@@ -243,14 +243,14 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
 
 
 @dataclass(frozen=True)
-class Asked:
+class InvestigationRequest:
     """A request whose description was read: `content` is all that makes it the same as another."""
 
     content: tuple[object, ...]
     take_in: Callable[[], Question]
 
 
-def asked_of(service: Service, upload: Upload) -> Asked:
+def asked_of(service: Service, upload: Upload) -> InvestigationRequest:
     """Return what a form asks for: an investigation of an axis, or of a robot.
 
     Raises:
@@ -269,14 +269,14 @@ def asked_of(service: Service, upload: Upload) -> Asked:
         robot = robot_of(service, upload)
         urdf = upload.files["urdf"].name if "urdf" in upload.files else f"{robot.name}.urdf"
         take = partial(take_in_robot, service.library, robot, urdf, telemetry, channels)
-        return Asked((robot.document, robot.urdf, hashes, *mapped), take)
+        return InvestigationRequest((robot.document, robot.urdf, hashes, *mapped), take)
     diagnosed = upload.fields.get("diagnosis", "").strip() or None
     if diagnosed is not None:
         sounds = (_recorded(service, upload, diagnosed),)
     axis = axis_of(service, upload)
     offset = offset_of(upload)
     take = partial(take_in, service.library, axis, telemetry, sounds, offset, as_new, channels, diagnosed)
-    return Asked((axis.to_mapping(), hashes, offset, *mapped, *([diagnosed] if diagnosed else [])), take)
+    return InvestigationRequest((axis.to_mapping(), hashes, offset, *mapped, *([diagnosed] if diagnosed else [])), take)
 
 
 def _recorded(service: Service, upload: Upload, diagnosis_id: str) -> Measured:

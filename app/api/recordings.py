@@ -12,7 +12,7 @@ from fastapi.responses import StreamingResponse
 from pydantic import BaseModel
 
 from app.documents import Answer, ErasedAnswer, Identifier, RecordingAnswer
-from app.http.concurrency_limiter import Looking
+from app.http.concurrency_limiter import ReadingLimit
 from app.http.errors import RangeNotSatisfiable
 from app.http.headers import IfNoneMatch, chosen, has_already, not_modified
 from app.http.security import Admin, Viewer
@@ -155,7 +155,7 @@ def shown(
     return Response(content, headers=UNTIL_ERASED, media_type=kind)
 
 
-@router.get("/waveform", response_model=views.Waveform, dependencies=[Looking])
+@router.get("/waveform", response_model=views.Waveform, dependencies=[ReadingLimit])
 def waveform(
     _: Viewer,
     session: Reading,
@@ -167,7 +167,7 @@ def waveform(
     return shown(service, service.library.retrieve.recording(session, recording_id), views.waveform, points)
 
 
-@router.get("/spectrum", response_model=views.Spectrum, dependencies=[Looking])
+@router.get("/spectrum", response_model=views.Spectrum, dependencies=[ReadingLimit])
 def spectrum(
     _: Viewer,
     session: Reading,
@@ -179,7 +179,7 @@ def spectrum(
     return shown(service, service.library.retrieve.recording(session, recording_id), views.spectrum, resolution_hz)
 
 
-@router.get("/crest", response_model=views.CrestFactor, dependencies=[Looking])
+@router.get("/crest", response_model=views.CrestFactor, dependencies=[ReadingLimit])
 def crest(
     _: Viewer,
     session: Reading,
@@ -199,7 +199,7 @@ def crest(
     "/spectrogram",
     response_model=views.Spectrogram,
     responses={200: {"content": {PNG: {}}}},
-    dependencies=[Looking],
+    dependencies=[ReadingLimit],
 )
 def spectrogram(
     _: Viewer,

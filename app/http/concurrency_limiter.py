@@ -10,7 +10,7 @@ from fastapi import Depends, Request
 from app.http.security import NOBODY, known
 
 
-class Gate:
+class ConcurrencyLimiter:
     """Lets so many in at once, of all keys together and of each.
 
     Who waits holds no thread, no session and nothing of its request's body.
@@ -28,10 +28,10 @@ class Gate:
 
 async def looking(request: Request) -> AsyncIterator[None]:
     """Dependency of routes that draw or compute what somebody looks at: it comes first, before a session is opened."""
-    gate: Gate = request.app.state.looking
+    gate: ConcurrencyLimiter = request.app.state.looking
     principal = known(request)
     async with gate.enter(NOBODY if principal is None else principal.key_id):
         yield
 
 
-Looking = Depends(looking, scope="function")
+ReadingLimit = Depends(looking, scope="function")

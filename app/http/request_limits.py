@@ -25,7 +25,7 @@ from app.settings import Settings
 
 
 @dataclass(frozen=True)
-class Terms:
+class RouteLimits:
     """What a route asks of a request: its guards, and whether it takes an upload."""
 
     guards: tuple[Guard, ...] = ()
@@ -33,7 +33,7 @@ class Terms:
 
 
 @dataclass(frozen=True)
-class Allowance:
+class BodyLimits:
     """How much of a body is read, and how long it may take.
 
     Args:
@@ -47,7 +47,7 @@ class Allowance:
     kind: str
 
 
-class Door:
+class RequestLimits:
     """Asks a route's guards, and gives the route a body that ends in 413 where it is too large and in 408 where it is
     too slow."""
 
@@ -68,34 +68,34 @@ class Door:
             raise TooLarge(_too_large(int(declared), allowance))
         await self.app(scope, within(receive, allowance), send)
 
-    def _allowance(self, terms: Terms, headers: Headers) -> Allowance:
+    def _allowance(self, terms: RouteLimits, headers: Headers) -> BodyLimits:
         settings = self.settings
         if not terms.guards:
-            return Allowance(settings.anonymous_bytes, settings.body_timeout_s, "a request that needs no key")
+            return BodyLimits(settings.anonymous_bytes, settings.body_timeout_s, "a request that needs no key")
         if terms.takes_upload and is_form(headers):
-            return Allowance(settings.upload_bytes, settings.upload_timeout_s, "an upload")
-        return Allowance(settings.document_bytes, settings.body_timeout_s, "a request that is no upload")
+            return BodyLimits(settings.upload_bytes, settings.upload_timeout_s, "an upload")
+        return BodyLimits(settings.document_bytes, settings.body_timeout_s, "a request that is no upload")
 
 
-def terms_for(scope: Scope) -> Terms:
+def terms_for(scope: Scope) -> RouteLimits:
     """Return the terms of the route that a request is for; the strictest where there is none."""
     for route, terms in terms_of_all(scope["app"]):
         if route.matches(scope)[0] is Match.FULL:
             return terms
-    return Terms()
+    return RouteLimits()
 
 
 @cache
-def terms_of_all(app: FastAPI) -> tuple[tuple[RouteContext, Terms], ...]:
+def terms_of_all(app: FastAPI) -> tuple[tuple[RouteContext, RouteLimits], ...]:
     """Return the terms of every route; half a second, once."""
     return tuple((route, terms_of(route)) for route in iter_route_contexts(app.routes))
 
 
-def terms_of(route: RouteContext) -> Terms:
+def terms_of(route: RouteContext) -> RouteLimits:
     """Read a route's terms off its dependencies, however deep they stand."""
     dependant: Dependant | None = getattr(route, "dependant", None)
     calls = [] if dependant is None else list(_calls(dependant))
-    return Terms(tuple(call for call in calls if isinstance(call, Guard)), upload_of in calls)
+    return RouteLimits(tuple(call for call in calls if isinstance(call, Guard)), upload_of in calls)
 
 
 def _calls(dependant: Dependant) -> Iterator[object]:
@@ -104,7 +104,7 @@ def _calls(dependant: Dependant) -> Iterator[object]:
         yield from _calls(each)
 
 
-def within(receive: Receive, allowance: Allowance) -> Receive:
+def within(receive: Receive, allowance: BodyLimits) -> Receive:
     """Return a body that is counted and timed.
 
     It raises HTTPExceptions, because FastAPI turns any other error while it reads a body into 400.
@@ -131,5 +131,5 @@ def within(receive: Receive, allowance: Allowance) -> Receive:
     return receive_within
 
 
-def _too_large(size: int, allowance: Allowance) -> str:
+def _too_large(size: int, allowance: BodyLimits) -> str:
     return f"The request has {size} bytes or more; {allowance.kind} may have {allowance.size} here. See /api/v1/limits."

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 from starlette.datastructures import FormData, Headers, UploadFile
 from starlette.formparsers import MultiPartException
 
-from app.http.concurrency_limiter import Gate
+from app.http.concurrency_limiter import ConcurrencyLimiter
 from app.http.errors import BadRequest, TooLarge, Unprocessable, UnsupportedMedia
 from app.http.forms import FormParser, plain_name
 from app.service import Service, service_of
@@ -194,7 +194,7 @@ async def upload_of(request: Request) -> AsyncIterator[Upload | None]:
     if request.headers.get("content-type", "").lower().startswith("application/json"):
         yield None
         return
-    gate: Gate = request.app.state.gate
+    gate: ConcurrencyLimiter = request.app.state.gate
     async with gate.enter(request.state.principal.key_id), received(request, service_of(request)) as upload:
         yield upload
 

@@ -32,7 +32,7 @@ KEEPERS = ThreadPoolExecutor(4, thread_name_prefix="keeper")
 
 
 @dataclass(frozen=True)
-class Heard:
+class DecodedRecording:
     """A recording, its features and how it was taken; nothing of it is stored.
 
     Args:
@@ -46,7 +46,7 @@ class Heard:
 
 
 @dataclass(frozen=True)
-class Intake(Heard):
+class Intake(DecodedRecording):
     """A recording on its way into the library: its bytes are on disk, its rows are not yet there."""
 
     stored: StoredBytes
@@ -180,7 +180,7 @@ def hear(
     media_type: str,
     metadata: RecordingMetadata,
     axis: Axis | None = None,
-) -> Heard:
+) -> DecodedRecording:
     """Take the features of a recording and what is known of how it was taken; nothing is stored.
 
     What sound, axis or library contradict of the condition is not used: it stands under `contradicted` in the
@@ -222,7 +222,7 @@ def hear(
     )
     if not axis:
         remarks += unknown_axis(library, metadata.axis)
-    return Heard(recording, extraction, description, remarks)
+    return DecodedRecording(recording, extraction, description, remarks)
 
 
 def unknown_axis(library: CaseLibrary, name: str | None) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, StrictInt, model
 from sqlalchemy.orm import Session
 
 from app.documents import Question
-from app.recordings.intake import Heard
+from app.recordings.intake import DecodedRecording
 from casebase.library import CaseLibrary
 from casebase.reasoning.priors import LEVEL, prior_of
 from casebase.recordings import feature_values
@@ -107,7 +107,7 @@ class RetrievalAnswer(BaseModel):
     remarks: list[str]
 
 
-def neighbours_of(library: CaseLibrary, heard: Heard, query: NeighbourQuery) -> RetrievalAnswer:
+def neighbours_of(library: CaseLibrary, heard: DecodedRecording, query: NeighbourQuery) -> RetrievalAnswer:
     """Return the nearest cases of a recording that is not stored."""
     flags = [flag.reason for flag in heard.extraction.quality if flag.severity is not Severity.NOTE]
     values = heard.extraction.features.values

@@ -13,7 +13,7 @@ from casebase.store.models import AuditEntry, Case
 
 
 @dataclass(frozen=True)
-class Told:
+class StepTaken:
     """A step in words.
 
     Args:
@@ -31,13 +31,13 @@ class Told:
     by_admin: bool
 
 
-def told(session: Session, number: int | None) -> Told | None:
+def told(session: Session, number: int | None) -> StepTaken | None:
     """Return what a step was; None where no such step stands any more."""
     entries = entries_of(session, number) if number else []
     return described(session, entries) if entries and stands(session, entries[0]) else None
 
 
-def described(session: Session, entries: Sequence[AuditEntry]) -> Told:
+def described(session: Session, entries: Sequence[AuditEntry]) -> StepTaken:
     """Return in words what the entries of one step say, the newest first."""
     revised = next((one for one in entries if one.subject_kind == "diagnosis"), None)
     kept = next((one.subject_id for one in entries if one.action == RETAINED), None)
@@ -58,7 +58,7 @@ def described(session: Session, entries: Sequence[AuditEntry]) -> Told:
         what = f"labelled {', '.join(labels)}" if labels else "changed"
         words.append(f"{len(changed)} {'case' if len(changed) == 1 else 'cases'} {what}")
         path = f"/cases/{changed[0]}" if len(changed) == 1 else "/library"
-    return Told(entries[0].id, f"{' and '.join(words)}.", path, kept, kept is not None or bool(changed))
+    return StepTaken(entries[0].id, f"{' and '.join(words)}.", path, kept, kept is not None or bool(changed))
 
 
 def _revised(session: Session, entry: AuditEntry) -> str:

@@ -28,14 +28,14 @@ from signals.condition import OperatingCondition
 from signals.features import FEATURES, catalogue, extract
 from signals.recording import Recording
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone
-from sim.acoustics.transfer_path_fit import Heard, fit_sound
+from sim.acoustics.transfer_path_fit import NormalRecording, fit_sound
 from sim.description.axis import Axis, Motion
 from sim.errors import ParameterError, near_match
 from sim.experiment.design_of_experiments import Planned, moved, path_rms, plan, scaled
 from sim.mechanisms import MECHANISMS
 
 Floats = NDArray[np.float64]
-Heards = Mapping[str, Sequence[Heard]]
+Heards = Mapping[str, Sequence[NormalRecording]]
 Change = Callable[[Planned, np.random.Generator], Planned]
 FACTORS = (0.25, 0.5, 2.0, 4.0)
 """Steps of a factor that nobody can read off a recording: halves and doubles."""
@@ -127,7 +127,7 @@ class Half:
     """Half of the gearboxes: recordings of the label, and those of normal ones that microphones are fitted to."""
 
     axis: Axis
-    recordings: tuple[Heard, ...]
+    recordings: tuple[NormalRecording, ...]
     normal: Heards
 
     @cached_property
@@ -143,7 +143,7 @@ class Half:
         return moved(planned, Motion(heard.period_s, heard.speed_rad_s, ramp, dwell), heard.payload_kg_m2)
 
     def microphone_band(self, planned: Planned, random: np.random.Generator) -> Planned:
-        """Heard through one of the housings; rubbing and room noise keep their shares."""
+        """As heard through one of the housings; rubbing and room noise keep their shares."""
         own = planned.scenario.microphone
         path = replace(own, modes=self._fitted(random).modes)
         share = _ambient_share(own)
@@ -383,7 +383,7 @@ def vector_of(planned: Planned) -> NDArray[np.float32]:
     return simulate_case(planned).extraction.features.values
 
 
-def _heard_vector(axis: Axis, heard: Heard) -> NDArray[np.float32]:
+def _heard_vector(axis: Axis, heard: NormalRecording) -> NDArray[np.float32]:
     condition = OperatingCondition(
         speed_rad_s=heard.speed_rad_s,
         payload_kg_m2=heard.payload_kg_m2,

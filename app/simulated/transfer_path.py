@@ -20,7 +20,7 @@ from signals.features import catalogue, extract
 from signals.reading.decode import read_recording
 from signals.recording import Recording
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
-from sim.acoustics.transfer_path_fit import FittedSound, Heard, fit_sound, scenario_like
+from sim.acoustics.transfer_path_fit import FittedSound, NormalRecording, fit_sound, scenario_like
 from sim.description.axis import Axis
 from sim.errors import ParameterError
 
@@ -87,7 +87,7 @@ class FittedPlace:
 
 def measured_recordings(
     library: CaseLibrary, session: Session, axis: Axis, label: str = "normal"
-) -> dict[str, list[Heard]]:
+) -> dict[str, list[NormalRecording]]:
     """Measured recordings of a label of an axis by gearbox, each by itself where it has none; none without motion."""
     statement = select(StoredRecording).join(Case, Case.recording_id == StoredRecording.id)
     statement = statement.where(
@@ -98,7 +98,7 @@ def measured_recordings(
         StoredRecording.axis == axis.name,
         StoredRecording.erased_at.is_(None),
     )
-    found: dict[str, list[Heard]] = {}
+    found: dict[str, list[NormalRecording]] = {}
     for row in session.scalars(statement.order_by(StoredRecording.id)):
         recording = read_recording(library.retrieve.audio_path(row), channel=row.channel)
         heard = _heard(axis, row, recording.resampled(SAMPLE_RATE_HZ))
@@ -107,12 +107,12 @@ def measured_recordings(
     return found
 
 
-def _heard(axis: Axis, row: StoredRecording, recording: Recording) -> Heard | None:
+def _heard(axis: Axis, row: StoredRecording, recording: Recording) -> NormalRecording | None:
     condition = stored_condition(row.description)
     period = condition.motion_period_s or extract(recording, condition).motion.period_s
     if not period or recording.duration_s < 2 * period:
         return None
-    return Heard(
+    return NormalRecording(
         recording.samples,
         row.speed_rad_s or axis.motion.load_speed_rad_s,
         row.payload_kg_m2 or axis.load.inertia_kg_m2,
@@ -120,7 +120,9 @@ def _heard(axis: Axis, row: StoredRecording, recording: Recording) -> Heard | No
     )
 
 
-def fit_place(axis: Axis, recordings: Mapping[str, Sequence[Heard]], advance: Callable[[str], None]) -> FittedPlace:
+def fit_place(
+    axis: Axis, recordings: Mapping[str, Sequence[NormalRecording]], advance: Callable[[str], None]
+) -> FittedPlace:
     """Fit every gearbox, simulate twins of its recordings and test whether they can be told apart.
 
     Raises ParameterError where there is no recording to fit to.

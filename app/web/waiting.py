@@ -4,7 +4,7 @@ from fastapi import Request
 from fastapi.responses import Response
 from sqlalchemy.orm import Session
 
-from app.background_cache import Begun
+from app.background_cache import Pending
 from app.http.security import Principal
 from app.service import Service
 from app.web.counted import counts_of
@@ -21,7 +21,7 @@ def of_library(session: Session, service: Service) -> str:
 def waiting_page(
     request: Request,
     principal: Principal,
-    begun: Begun,
+    begun: Pending,
     title: str,
     words: str,
     basis: str,

@@ -26,7 +26,7 @@ from typing import Any
 import httpx
 import structlog
 
-from app.http.concurrency_limiter import Gate
+from app.http.concurrency_limiter import ConcurrencyLimiter
 from app.http.metrics import Metrics
 from app.http.security import COOKIE, csrf_token
 from app.jobs.job import Json
@@ -115,7 +115,7 @@ def apart(settings: Settings, work: Work, *, tidy: bool = True) -> Ended:
 def asked(service: Service, known: Known, path: str, options: Options, point: CrashPoint | None = None) -> Any:
     """Send a request, of a page where it has a form of one; its status, headers and JSON."""
     app = APP
-    app.state.service, app.state.gate, app.state.looking = service, Gate(4, 4), Gate(1, 1)
+    app.state.service, app.state.gate, app.state.looking = service, ConcurrencyLimiter(4, 4), ConcurrencyLimiter(1, 1)
     headers = {"Authorization": f"Bearer {known.key}", "Idempotency-Key": "once"}
     if not path.startswith("/api/"):
         headers = {"Accept": "text/html", "Cookie": f"{COOKIE}={known.key}"}

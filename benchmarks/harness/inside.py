@@ -12,7 +12,7 @@ import httpx
 from fastapi import FastAPI
 from structlog.testing import capture_logs
 
-from app.http.concurrency_limiter import Gate
+from app.http.concurrency_limiter import ConcurrencyLimiter
 from app.http.keys import Role, create_key
 from app.http.metrics import Metrics
 from app.http.security import COOKIE, FORM_COOKIE, csrf_token
@@ -74,7 +74,7 @@ def inside(data_dir: Path, database_url: str | None = None) -> Iterator[Inside]:
     with service.library.transaction("test") as session:
         _, key = create_key(session, name="test", role=Role.ADMIN)
     app = create_app(service=service)
-    app.state.service, app.state.gate, app.state.looking = service, Gate(4, 4), Gate(1, 1)
+    app.state.service, app.state.gate, app.state.looking = service, ConcurrencyLimiter(4, 4), ConcurrencyLimiter(1, 1)
     with capture_logs():  # tracebacks drawn for people take seconds each
         yield Inside(app, service, key)
     service.close()

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.field_bank.sounds import Floats
 from benchmarks.trend_bank.lives import RECORDINGS, heard_from, life
-from casebase.gearboxes import Heard as Kept
+from casebase.gearboxes import GearboxRecording as Kept
 from casebase.reasoning.trend import FOLLOWED, RECORDINGS_PER_FALSE_ALARM, Trend
 from signals.features import EXTRACTOR_VERSION, extract
 from signals.recording import Recording

@@ -14,7 +14,7 @@ from casebase.alarms import outbox
 from casebase.alarms.state import State, heard_last, state_of, states_of
 from casebase.description import check_choice
 from casebase.errors import InvalidRequestError, NotFoundError
-from casebase.gearboxes import Heard, History, Place
+from casebase.gearboxes import GearboxRecording, History, Place
 from casebase.labels import BASELINES
 from casebase.store import audit
 from casebase.store.models import ALARM_KINDS, Alarm, AlarmReceiver, AlarmRule, now
@@ -199,7 +199,7 @@ def matched(rule: AlarmRule, state: State) -> dict[str, object] | None:
     return None
 
 
-def _told_of(heard: Heard, **facts: object) -> dict[str, object]:
+def _told_of(heard: GearboxRecording, **facts: object) -> dict[str, object]:
     return {"heard_at": heard.at.isoformat(), "diagnosis_id": heard.diagnosis_id, **facts}
 
 

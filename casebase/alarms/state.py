@@ -11,13 +11,13 @@ from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session
 
 from casebase.gearbox_state import NamedFault, standing_fault
-from casebase.gearboxes import HEARD_AT, REJECTED, Heard, History, histories
+from casebase.gearboxes import HEARD_AT, REJECTED, GearboxRecording, History, histories
 from casebase.origins import demonstrations
 from casebase.store.models import StoredDiagnosis, StoredRecording
 
 
 @dataclass(frozen=True)
-class Told:
+class Reported:
     """The newest recording that names the fault that stands.
 
     Args:
@@ -27,7 +27,7 @@ class Told:
         calibrated: whether the probabilities were calibrated on gearboxes.
     """
 
-    heard: Heard
+    heard: GearboxRecording
     faults: tuple[tuple[str | None, float | None], ...]
     size_rad: float | None
     calibrated: bool
@@ -45,9 +45,9 @@ class State:
 
     axis: str | None
     gearbox: str | None
-    newest: Heard
+    newest: GearboxRecording
     verdict: str | None
-    fault: Told | None
+    fault: Reported | None
 
 
 def state_of(session: Session, axis: str | None, gearbox: str | None) -> State | None:
@@ -95,7 +95,7 @@ def heard_last(
         yield each[0], each[1], each[2]
 
 
-def _newest(history: History) -> Heard | None:
+def _newest(history: History) -> GearboxRecording | None:
     said = (one for one in reversed(history.heard) if one.diagnosis_id is not None and one.review != REJECTED)
     return next(said, None)
 
@@ -107,7 +107,7 @@ def _documents(session: Session, faults: Sequence[NamedFault]) -> dict[str, Stor
     return {row.id: row for row in session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(ids)))}
 
 
-def _told(heard: Heard, row: StoredDiagnosis | None) -> Told:
+def _told(heard: GearboxRecording, row: StoredDiagnosis | None) -> Reported:
     """Say what a recording names; what a person said of it counts, with what was measured of the same fault."""
     document = {} if row is None else row.document
     severity = document.get("severity")
@@ -115,10 +115,10 @@ def _told(heard: Heard, row: StoredDiagnosis | None) -> Told:
     calibrated = document.get("provenance", {}).get("gearboxes", 0) > 1
     if row is None or row.revised_label is not None or heard.label != row.label:
         same = row is not None and heard.label == row.label
-        return Told(heard, ((str(heard.label), 1.0),), size_rad if same else None, calibrated)
+        return Reported(heard, ((str(heard.label), 1.0),), size_rad if same else None, calibrated)
     if heard.left:
         of = {str(each["label"]): each["probability"] for each in document["hypotheses"]}
         left = tuple((label, of.get(label)) for label in heard.left)
-        return Told(heard, ((None, document["fault"]["probability"]), *left), None, calibrated)
+        return Reported(heard, ((None, document["fault"]["probability"]), *left), None, calibrated)
     faults = tuple((str(each["label"]), each["probability"]) for each in document["faults"])
-    return Told(heard, faults, size_rad, calibrated)
+    return Reported(heard, faults, size_rad, calibrated)

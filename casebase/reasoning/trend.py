@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from casebase.gearboxes import Heard, History, Place, of_places
+from casebase.gearboxes import GearboxRecording, History, Place, of_places
 from casebase.recordings import feature_values
 from casebase.store.models import Extractor, FeatureRow, StoredRecording
 from signals.band import Band
@@ -219,11 +219,11 @@ class Followed:
 class Trend:
     """What the recordings of a gearbox say of a change, oldest first."""
 
-    recordings: tuple[Heard, ...]
+    recordings: tuple[GearboxRecording, ...]
     followed: tuple[Followed, ...]
 
     @classmethod
-    def of(cls, recordings: Sequence[Heard], columns: Floats) -> "Trend":
+    def of(cls, recordings: Sequence[GearboxRecording], columns: Floats) -> "Trend":
         """Follow the features of `FOLLOWED`, shape (n, k), NaN where missing, over two recordings or more."""
         return cls(tuple(recordings), tuple(_followed(columns, state_of_operation(recordings))))
 
@@ -254,7 +254,7 @@ class Trend:
         return float(np.mean([one.change.evidence for one in self.colour])) if self.colour else 0.0
 
     @cached_property
-    def at_once(self) -> Heard | None:
+    def at_once(self) -> GearboxRecording | None:
         """The recording from which on another gearbox, or another place, is heard most probably; None where neither is.
 
         The colour of the sound has stepped, more clearly than it drifts, and more clearly than impacts have risen.
@@ -273,7 +273,7 @@ class Trend:
         return max(self.deciding, key=lambda one: one.change.evidence)
 
     @property
-    def began(self) -> Heard:
+    def began(self) -> GearboxRecording:
         """The recording with which a change began most probably."""
         leading = self.leading
         return self.recordings[int(leading.rows[np.argmax(leading.change.began)])]
@@ -300,7 +300,7 @@ def _trend(history: History, vectors: Mapping[str, Floats]) -> Trend | None:
     return Trend.of(recordings, np.array([vectors[one.recording_id] for one in recordings]))
 
 
-def state_of_operation(recordings: Sequence[Heard]) -> Floats:
+def state_of_operation(recordings: Sequence[GearboxRecording]) -> Floats:
     """Return the logarithms of speed and payload, shape (n, p); what some do not tell has a column of its own."""
     columns: list[list[float]] = []
     for told in ([one.speed_rad_s for one in recordings], [one.payload_kg_m2 for one in recordings]):

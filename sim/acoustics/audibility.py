@@ -24,7 +24,7 @@ QUIETEST = 1 / 30  # how far noise is lowered at most
 
 
 @dataclass(frozen=True)
-class Heard:
+class AudibleFault:
     """A recording of a fault.
 
     Parameters
@@ -53,7 +53,7 @@ class FaultRun:
         """Run it."""
         return cls(scenario, scenario.simulate(), _healthy(scenario).simulate())
 
-    def heard_by(self, microphone: Microphone, noise_seed: int) -> Heard:
+    def heard_by(self, microphone: Microphone, noise_seed: int) -> AudibleFault:
         """What a microphone hears, brought nearer where the fault would drown."""
         scenario = replace(self.scenario, microphone=microphone, noise_seed=noise_seed)
         peak = _peak(scenario, self.run, self.rest)
@@ -64,10 +64,10 @@ class FaultRun:
             microphone = _nearer(microphone, max(ratio / wanted, QUIETEST))
             scenario = replace(scenario, microphone=microphone)
             ratio = peak * microphone.gain / _rest(scenario, self.rest)
-        return Heard(scenario.hear(self.run), scenario, ratio)
+        return AudibleFault(scenario.hear(self.run), scenario, ratio)
 
 
-def perform_fault(scenario: Scenario) -> Heard:
+def perform_fault(scenario: Scenario) -> AudibleFault:
     """Perform a scenario whose last mechanism is a fault, so that it can be heard."""
     return FaultRun.of(scenario).heard_by(scenario.microphone, scenario.noise_seed)
 

@@ -35,7 +35,7 @@ SMOOTHING_BINS = 5  # a median over these removes lines of tooth engagement
 
 
 @dataclass(frozen=True)
-class Heard:
+class NormalRecording:
     """A normal recording and how it was taken: speed at the output [rad/s], payload [kg m2], period of a cycle [s]."""
 
     samples: NDArray[np.float32]
@@ -61,7 +61,7 @@ class FittedSound:
     line_over_noise: tuple[float | None, ...]
 
 
-def fit_sound(axis: Axis, recordings: Sequence[Heard]) -> FittedSound:
+def fit_sound(axis: Axis, recordings: Sequence[NormalRecording]) -> FittedSound:
     """Fit the microphone of one gearbox to its normal recordings at 8 kHz.
 
     Raises ParameterError where a recording is shorter than two cycles of its motion.
@@ -96,7 +96,7 @@ def fit_sound(axis: Axis, recordings: Sequence[Heard]) -> FittedSound:
     return FittedSound(microphone, misfit, measured)
 
 
-def scenario_like(axis: Axis, heard: Heard, microphone: Microphone, seed: int) -> Scenario:
+def scenario_like(axis: Axis, heard: NormalRecording, microphone: Microphone, seed: int) -> Scenario:
     """Another normal specimen, moved and loaded as in a recording, heard by a microphone of this kind."""
     random = np.random.default_rng(seed)
     spread = {r.name: r.at(random.random()) for r in (*OPERATION, *SPECIMEN)}
@@ -180,7 +180,7 @@ def _modes(frequency: Array, density: Array, ambient: Array) -> tuple[tuple[Mode
     return ordered, math.sqrt(float(np.mean(best.fun**2)))
 
 
-def _lines(axis: Axis, unit: Microphone, heard: Heard) -> tuple[float | None, ...]:
+def _lines(axis: Axis, unit: Microphone, heard: NormalRecording) -> tuple[float | None, ...]:
     """RMS force of the line of every mesh over that of rubbing."""
     frequency, _, density = signal.spectrogram(
         heard.samples.astype(np.float64), SAMPLE_RATE_HZ, nperseg=4096, noverlap=3072
@@ -212,7 +212,7 @@ def _together(lines: Sequence[float | None]) -> float | None:
     return float(np.exp(np.mean(np.log(seen)))) if seen else None
 
 
-def _rubbing(axis: Axis, recordings: Sequence[Heard], measured: tuple[float | None, ...]) -> float:
+def _rubbing(axis: Axis, recordings: Sequence[NormalRecording], measured: tuple[float | None, ...]) -> float:
     """Rubbing [N m] for which simulated engagement of as-new wheels stands over it as measured."""
     heard = recordings[0]
     moved = with_motion(axis, period_s=heard.period_s, load_speed_rad_s=heard.speed_rad_s)

@@ -38,7 +38,7 @@ from sim.investigation.assessment.verdict import (
     finding_of_sound,
     left,
     predicting,
-    said_alone,
+    refit_reported,
     terms_said,
     under_misfit,
     under_own_noise,
@@ -46,7 +46,7 @@ from sim.investigation.assessment.verdict import (
 from sim.investigation.data.excitation import excitation_of
 from sim.investigation.data.pairing import NOT_COMPARED, check_as_new
 from sim.investigation.data.preprocessing import Array, Measurement
-from sim.investigation.data.validation import Gate, InvestigationError, examine
+from sim.investigation.data.validation import DataCheck, InvestigationError, examine
 from sim.investigation.estimation.problem import Problem
 from sim.investigation.estimation.refit import calibrate, final_fit
 from sim.investigation.estimation.whitening import Noise
@@ -109,7 +109,7 @@ def investigate(
     return _of_torque(axis, gate, telemetry, sounds, sound_offset_s, progress)
 
 
-def _at_motor(axis: Axis, telemetry: Telemetry) -> Gate:
+def _at_motor(axis: Axis, telemetry: Telemetry) -> DataCheck:
     """The channels of rigid gears, and the axis as one body."""
     channels = dict(telemetry.channels)
     if "known_torque_nm" in channels:
@@ -119,7 +119,7 @@ def _at_motor(axis: Axis, telemetry: Telemetry) -> Gate:
 
 def _of_torque(
     described: Axis,
-    gate: Gate,
+    gate: DataCheck,
     telemetry: Telemetry,
     sounds: tuple[Recording, ...],
     sound_offset_s: float,
@@ -139,7 +139,7 @@ def _of_torque(
     progress("residual", 0.92)
     problem, fit = selection.problem, selection.fit
     findings = beside_what_is_left(_found(gate, selection, heard), rest, doubted=bool(gate.measurement.doubts.size))
-    findings, fit = said_alone(selection, findings)
+    findings, fit = refit_reported(selection, findings)
     findings, fit, gained = predicting(selection, fit, findings)
     misfit = excess(problem, fit, gained)
     findings = under_misfit(findings, adequacy(misfit, gained, whole=False))
@@ -184,7 +184,7 @@ def _finally_fitted(weighed: Selection) -> tuple[Selection, list[Unexplained], l
     return replace(weighed, problem=problem, base=base, fit=fit), places, rest
 
 
-def _found(gate: Gate, selection: Selection, heard: Sequence[AcousticFinding]) -> tuple[Finding, ...]:
+def _found(gate: DataCheck, selection: Selection, heard: Sequence[AcousticFinding]) -> tuple[Finding, ...]:
     """Of the motion, of the channels and of the sound; what is heard of the same cause is no finding of its own."""
     found = selection.found
     named = [term.mechanism for term in found] + [fault.mechanism for fault in gate.faults]
@@ -207,7 +207,7 @@ def _verdict(
     return "unnamed" if rest else "nothing_missing", rest
 
 
-def _first_noise(gate: Gate) -> Noise:
+def _first_noise(gate: DataCheck) -> Noise:
     """Weights before anything is known: what of the torque is too fast for the motion, and the load's share of it."""
     m = gate.measurement
     fast = float(np.std(np.diff(m.torque))) / math.sqrt(2.0) + 1e-3 * float(np.std(m.torque))

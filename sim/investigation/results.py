@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # a page that shows a document needs none of what found it
     from sim.description.axis import Axis
     from sim.investigation.acoustic.evidence import Listening
     from sim.investigation.assessment.posterior import Evidence
-    from sim.investigation.data.validation import Gate
+    from sim.investigation.data.validation import DataCheck
     from sim.investigation.report.panels import Panel
     from sim.investigation.search.search import Selection
 
@@ -84,7 +84,7 @@ class Investigation:
     next_measurements: tuple[MeasurementUtility, ...] = ()
     selection: Selection | None = field(default=None, repr=False, compare=False)
     listening: Listening | None = field(default=None, repr=False, compare=False)
-    gate: Gate | None = field(default=None, repr=False, compare=False)
+    gate: DataCheck | None = field(default=None, repr=False, compare=False)
     sounds: tuple[Recording, ...] = field(default=(), repr=False, compare=False)
     sound_offset_s: float = 0.0
     weighed: Selection | None = field(default=None, repr=False, compare=False)

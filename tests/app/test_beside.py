@@ -11,7 +11,7 @@ from unittest.mock import patch
 import pytest
 
 from app import fleet
-from app.background_cache import Asked, Begun
+from app.background_cache import CachedQuery, Pending
 from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.sounds import sound
 from benchmarks.harness.worked_out import worked_out
@@ -70,10 +70,10 @@ def test_what_cannot_be_told_is_said_and_another_state_is_asked_anew(service: In
 
     beside = service.service.beside
     with pytest.raises(NotFoundError):
-        beside.soon(Asked("a", 1, None, refuse), 60.0)
+        beside.soon(CachedQuery("a", 1, None, refuse), 60.0)
     asked: list[int] = []
     for state in (1, 1, 2, 1):
-        beside.soon(Asked("b", state, None, lambda _: asked.append(0)), 60.0)
+        beside.soon(CachedQuery("b", state, None, lambda _: asked.append(0)), 60.0)
     assert len(asked) == 3, "what was worked out for an older state is not kept"
 
 
@@ -86,7 +86,7 @@ def test_after_a_fault_of_ours_whoever_asks_next_has_it_worked_out_anew(service:
             raise faults.pop()
         return "answer"
 
-    beside, asked = service.service.beside, Asked("c", None, None, work)
+    beside, asked = service.service.beside, CachedQuery("c", None, None, work)
     with pytest.raises(RuntimeError, match="away"):
         beside.soon(asked, 60.0)
     assert beside.soon(asked, 60.0) == "answer"
@@ -110,4 +110,4 @@ def test_a_large_fleet_is_waited_for_in_words_after_a_start(service: Inside) -> 
         go_on.set()
         assert "arm," in worked_out(partial(service.browse, "GET"), "/fleet")
     with service.service.library.reading() as session:
-        assert not isinstance(service.service.fleet_soon(session), Begun), "known until the next start"
+        assert not isinstance(service.service.fleet_soon(session), Pending), "known until the next start"

@@ -10,7 +10,7 @@ from app.cli import run
 from app.commands.exit_codes import BAD_INPUT
 from app.simulated.comparison import CAUSES, Half, Space, _families, compare
 from signals.features import catalogue
-from sim.acoustics.transfer_path_fit import Heard, scenario_like
+from sim.acoustics.transfer_path_fit import NormalRecording, scenario_like
 from sim.description.axis_document import write_axis
 from sim.errors import ParameterError
 from sim.experiment.design_of_experiments import path_rms, plan
@@ -66,7 +66,7 @@ def test_the_family_that_differs_is_named_with_the_cause_that_mends_it() -> None
 
 def test_a_cause_replaces_its_own_part_of_the_sound_and_no_other() -> None:
     (planned,) = plan(PAPER_AXIS, {"notch": 1}, 2)
-    heard = Heard(np.zeros(40_000, np.float32), 2.2, 31.0, 3.0)
+    heard = NormalRecording(np.zeros(40_000, np.float32), 2.2, 31.0, 3.0)
     half = Half(PAPER_AXIS, (heard,), {})
     half.__dict__["microphones"] = (replace(DEFAULT_MICROPHONE, ambient_slope=0.3),)
     random = np.random.default_rng(0)
@@ -87,7 +87,7 @@ def test_a_cause_replaces_its_own_part_of_the_sound_and_no_other() -> None:
 
 
 def test_recordings_that_move_as_none_of_the_simulated_do_have_motion_for_a_cause() -> None:
-    heard = Heard(np.zeros(32_000, np.float32), 2.9, 40.0, 1.5)
+    heard = NormalRecording(np.zeros(32_000, np.float32), 2.9, 40.0, 1.5)
     recordings = {}
     for seed in range(2):
         scenario = scenario_like(PAPER_AXIS, heard, DEFAULT_MICROPHONE, seed)
@@ -102,7 +102,7 @@ def test_recordings_that_move_as_none_of_the_simulated_do_have_motion_for_a_caus
 
 
 def test_what_cannot_be_compared_is_refused_with_what_is_needed() -> None:
-    heard = Heard(np.zeros(32_000, np.float32), 2.9, 40.0, 1.5)
+    heard = NormalRecording(np.zeros(32_000, np.float32), 2.9, 40.0, 1.5)
     with pytest.raises(ParameterError, match="two are needed"):
         compare(PAPER_AXIS, "play", {"g0": [heard]}, {}, count=4)
     with pytest.raises(ParameterError, match="motion"):

@@ -15,7 +15,7 @@ from casebase.library import CaseLibrary
 from signals.features import catalogue, extract
 from signals.recording import Recording
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode
-from sim.acoustics.transfer_path_fit import Heard, scenario_like
+from sim.acoustics.transfer_path_fit import NormalRecording, scenario_like
 from sim.description.axis_document import write_axis
 from sim.experiment.paper_axis import PAPER_AXIS
 
@@ -34,7 +34,7 @@ def test_what_is_fitted_is_the_microphone_and_generation_uses_it(
     axis = tmp_path / "axis.toml"
     axis.write_text(write_axis(PAPER_AXIS))
     library = CaseLibrary.open(tmp_path)
-    heard = Heard(np.zeros(72_000, np.float32), 2.6, 38.0, 4.2)
+    heard = NormalRecording(np.zeros(72_000, np.float32), 2.6, 38.0, 4.2)
     scenario = scenario_like(PAPER_AXIS, heard, MICROPHONE, 3)
     recording = Recording(scenario.perform(), SAMPLE_RATE_HZ)
     with library.transaction("test") as session:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from casebase.gearboxes import Heard, histories
+from casebase.gearboxes import GearboxRecording, histories
 from casebase.library import CaseLibrary
 from casebase.reasoning.trend import (
     COLOUR,
@@ -140,7 +140,9 @@ def test_a_feature_that_no_recording_has_does_not_count() -> None:
     rng = np.random.default_rng(9)
     columns = rng.standard_normal((20, len(FOLLOWED)))
     columns[10:, FOLLOWED.index("strongest_impulse_12_200_hz")] += 3
-    heard = [Heard(str(number), START + timedelta(days=number), "", True, None, None) for number in range(20)]
+    heard = [
+        GearboxRecording(str(number), START + timedelta(days=number), "", True, None, None) for number in range(20)
+    ]
     all_known = Trend.of(heard, columns)
     columns[:, [FOLLOWED.index(name) for name in IMPACTS if "bump" in name]] = np.nan
     some_known = Trend.of(heard, columns)
@@ -161,7 +163,9 @@ def heard_colour(course: Floats) -> Trend:
     columns = rng.standard_normal((count, len(FOLLOWED)))
     for number, name in enumerate(COLOUR):
         columns[:, FOLLOWED.index(name)] += course * (-1) ** number
-    heard = [Heard(str(number), START + timedelta(days=number), "", True, None, None) for number in range(count)]
+    heard = [
+        GearboxRecording(str(number), START + timedelta(days=number), "", True, None, None) for number in range(count)
+    ]
     return Trend.of(heard, columns)
 
 
@@ -184,7 +188,9 @@ def test_impacts_that_rise_more_clearly_are_a_fault_and_no_exchange() -> None:
     columns = rng.standard_normal((40, len(FOLLOWED)))
     columns[25:, [FOLLOWED.index(name) for name in IMPACTS]] += 6.0
     columns[25:, [FOLLOWED.index(name) for name in COLOUR]] += 2.0
-    heard = [Heard(str(number), START + timedelta(days=number), "", True, None, None) for number in range(40)]
+    heard = [
+        GearboxRecording(str(number), START + timedelta(days=number), "", True, None, None) for number in range(40)
+    ]
     worn = Trend.of(heard, columns)
     assert worn.changed
     assert worn.at_once is None
@@ -193,7 +199,9 @@ def test_impacts_that_rise_more_clearly_are_a_fault_and_no_exchange() -> None:
 def test_the_colour_of_good_gearboxes_gives_no_more_questions_than_promised() -> None:
     """Of 150 gearboxes of 40 recordings six may be asked about, by the maximal inequality; with 4 sigma above, 14."""
     rng = np.random.default_rng(12)
-    heard = [Heard(str(number), START + timedelta(days=number), "", True, None, None) for number in range(40)]
+    heard = [
+        GearboxRecording(str(number), START + timedelta(days=number), "", True, None, None) for number in range(40)
+    ]
     asked = sum(
         any(Trend.of(heard[:count], columns[:count]).at_once is not None for count in range(5, 41, 5))
         for columns in rng.standard_normal((150, 40, len(FOLLOWED)))

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse, Response
 from starlette.background import BackgroundTask
 
-from app.background_cache import Begun
+from app.background_cache import Pending
 from app.http.security import check_csrf
 from app.http.uploads import TheUpload
 from app.service import Reading, TheService
@@ -34,7 +34,7 @@ def evaluation(
 ) -> Response:
     """Leave-one-gearbox-out confusion matrix; its cells open the cases."""
     found = service.evaluation_soon(session, origin)
-    if isinstance(found, Begun):
+    if isinstance(found, Pending):
         basis = of_library(session, service)
         return waiting_page(request, principal, found, "Evaluation", HOW, basis, tab="/library/evaluation")
     context = {"evaluation": found, "origin": origin, "labels": sorted(found.confusion), "how": HOW}

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Form, Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import select
 
-from app.http.concurrency_limiter import Looking
+from app.http.concurrency_limiter import ReadingLimit
 from app.http.errors import Forbidden, Unprocessable
 from app.http.security import Principal, Role, check_csrf
 from app.http.uploads import TheUpload
@@ -116,7 +116,7 @@ def number(label: str, text: str) -> float:
         ) from None
 
 
-@router.get("/diagnoses/{diagnosis_id}", dependencies=[Looking])
+@router.get("/diagnoses/{diagnosis_id}", dependencies=[ReadingLimit])
 def one(
     request: Request,
     session: Reading,
@@ -282,7 +282,7 @@ def retain(
     return RedirectResponse(f"{root_of(service)}/cases/{case.id}?kept=1", status_code=303)
 
 
-@router.get("/diagnoses/{diagnosis_id}/report.html", dependencies=[Looking])
+@router.get("/diagnoses/{diagnosis_id}/report.html", dependencies=[ReadingLimit])
 def report_html(session: Reading, service: TheService, _: PageViewer, diagnosis_id: str) -> Response:
     """One file that needs no network."""
     page = diagnosis_html(view_of(session, service, get_diagnosis(session, diagnosis_id)), service.settings.time_zone)

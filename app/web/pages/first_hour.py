@@ -10,7 +10,7 @@ from fastapi.responses import RedirectResponse, Response
 
 from app.api.simulations import SimulationRequest, campaign_of
 from app.axes.axis_templates import TEMPLATES
-from app.background_cache import Begun
+from app.background_cache import Pending
 from app.http.errors import Unprocessable
 from app.http.security import check_csrf
 from app.http.uploads import TheUpload
@@ -65,7 +65,7 @@ def first_hour(
     axis, cases = find_axis(session, name), axis_cases(service, session).get(name, {})
     known = any(each.measured or each.simulated for each in cases.values())
     evaluation = service.evaluation_of_axis(session, name) if known else None
-    begun = evaluation if isinstance(evaluation, Begun) else None
+    begun = evaluation if isinstance(evaluation, Pending) else None
     hour = Hour(
         name,
         axis,
@@ -73,7 +73,7 @@ def first_hour(
         cases,
         newest_recordings(session, name, SHOWN),
         jobs.newest_of_axis(GENERATION, name),
-        None if isinstance(evaluation, Begun) else evaluation,
+        None if isinstance(evaluation, Pending) else evaluation,
         counted(service.library, session, "gearboxes", lambda: gearboxes_known(session)),
     )
     context = {

@@ -9,8 +9,8 @@ from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from app.background_cache import Begun
-from app.http.concurrency_limiter import Looking
+from app.background_cache import Pending
+from app.http.concurrency_limiter import ReadingLimit
 from app.http.errors import Conflict, Unprocessable
 from app.http.security import check_csrf
 from app.http.uploads import TheUpload
@@ -221,7 +221,7 @@ def covered(session: Session) -> list[tuple[str, str, int, int, int]]:
     ]
 
 
-@router.get("/cases/{case_id}/taught", dependencies=[Looking])
+@router.get("/cases/{case_id}/taught", dependencies=[ReadingLimit])
 def taught(request: Request, session: Reading, service: TheService, principal: PageViewer, case_id: str) -> Response:
     """What the library says of gearboxes that are held out, without this case and with it."""
     row = service.library.retrieve.case(session, case_id)
@@ -232,7 +232,7 @@ def taught(request: Request, session: Reading, service: TheService, principal: P
     without = service.evaluation_soon(session, "both", without=row.id)
     having = service.evaluation_soon(session, "both")
     for one in (without, having):
-        if isinstance(one, Begun):
+        if isinstance(one, Pending):
             above, basis = (f"/cases/{row.id}", f"Case {row.label}"), of_library(session, service)
             return waiting_page(request, principal, one, TAUGHT, row.recording.file_name, basis, crumb=above)
     assert isinstance(without, Evaluation)
@@ -266,7 +266,7 @@ def own_words(found: Teaching, label: str) -> str:
     return f"With its gearbox left out, the library says of it: {sure}{found.own.best}, {rightly}."
 
 
-@router.get("/cases/{case_id}", dependencies=[Looking])
+@router.get("/cases/{case_id}", dependencies=[ReadingLimit])
 def case(request: Request, session: Reading, service: TheService, principal: PageViewer, case_id: str) -> Response:
     """One case: what it sounds like, where it comes from, what happened to it."""
     row = service.library.retrieve.case(session, case_id)

@@ -8,7 +8,7 @@ from fastapi.responses import JSONResponse, RedirectResponse
 from sqlalchemy.orm import Session
 
 from app.api import recordings as api
-from app.http.concurrency_limiter import Looking
+from app.http.concurrency_limiter import ReadingLimit
 from app.http.errors import Unprocessable
 from app.http.security import Role
 from app.recordings import views
@@ -54,7 +54,7 @@ def demonstration_wav(session: Reading, service: TheService, _: Visitor) -> Resp
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/recordings/{demo[1]}/sound", status_code=302)
 
 
-@router.get("/plots/{name}", dependencies=[Looking])
+@router.get("/plots/{name}", dependencies=[ReadingLimit])
 def plot(
     request: Request,
     session: Reading,
@@ -101,7 +101,7 @@ def erase(
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}{back}", status_code=303)
 
 
-@router.get("/spectrogram.png", dependencies=[Looking])
+@router.get("/spectrogram.png", dependencies=[ReadingLimit])
 def spectrogram(
     request: Request,
     session: Reading,

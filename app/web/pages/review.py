@@ -8,7 +8,7 @@ from pydantic import Field
 from sqlalchemy import select
 
 from app.api.simulations import SimulationRequest, campaign_of
-from app.background_cache import Begun
+from app.background_cache import Pending
 from app.http.errors import Unprocessable
 from app.report.words import name_of
 from app.service import Reading, TheJobs, TheService
@@ -45,7 +45,7 @@ def review(
 ) -> Response:
     """The findings, worst first within each kind; edits are offered to admins and can be taken back as a whole."""
     found = service.review_soon(session)
-    if isinstance(found, Begun):
+    if isinstance(found, Pending):
         words = "Cases that contradict each other, that add nothing, and what is missing."
         basis = of_library(session, service)
         return waiting_page(request, principal, found, "Review", words, basis, tab="/library/review")

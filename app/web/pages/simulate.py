@@ -11,7 +11,7 @@ from fastapi import APIRouter, Depends, Header, Query, Request
 from fastapi.responses import Response
 
 from app.api.recordings import asked_range
-from app.http.concurrency_limiter import Looking
+from app.http.concurrency_limiter import ReadingLimit
 from app.http.errors import Unprocessable
 from app.recordings.intake import hear
 from app.recordings.metadata import RecordingMetadata
@@ -32,7 +32,7 @@ from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.experiment.paper_axis import PAPER_AXIS
 
-router = APIRouter(prefix="/simulate", dependencies=[Looking])
+router = APIRouter(prefix="/simulate", dependencies=[ReadingLimit])
 SHOWN, DIAGNOSED = (2, 2.0, 8.0), (4, 10.0, 24.0)
 """Cycles of the motion, but at least and at most so long [s], that are drawn and heard, and that are diagnosed."""
 TIME = "time [s]"
@@ -41,7 +41,7 @@ PEAK = 0.2
 
 
 @dataclass(frozen=True)
-class Asked:
+class SliderSettings:
     """An axis and where its sliders stand.
 
     Args:
@@ -53,7 +53,7 @@ class Asked:
     values: Mapping[str, float]
 
     @property
-    def described(self) -> "Asked":
+    def described(self) -> "SliderSettings":
         """The same axis with all sliders at its description."""
         return replace(self, values={one.name: one.start for one in self.sliders})
 
@@ -66,7 +66,7 @@ class Asked:
         return simulate(moved(self.axis, self.values), min(max(cycles * self.axis.motion.period_s, least_s), most_s))
 
 
-def asked(request: Request, service: TheService, _: PageViewer, axis: Annotated[str, Query()] = "") -> Asked:
+def asked(request: Request, service: TheService, _: PageViewer, axis: Annotated[str, Query()] = "") -> SliderSettings:
     """Dependency: what the query asks for; by default the axis of the paper, whether it is stored or not.
 
     Raises:
@@ -83,10 +83,10 @@ def asked(request: Request, service: TheService, _: PageViewer, axis: Annotated[
             "gears in [[stages]] and add it again: POST /api/v1/axes."
         )
     made = sliders(known)
-    return Asked(known, made, {one.name: _value(request.query_params.get(one.name), one) for one in made})
+    return SliderSettings(known, made, {one.name: _value(request.query_params.get(one.name), one) for one in made})
 
 
-TheAsked = Annotated[Asked, Depends(asked)]
+TheAsked = Annotated[SliderSettings, Depends(asked)]
 
 
 def _value(text: str | None, slider: Slider) -> float:
@@ -158,7 +158,7 @@ def sound(
     return Response(content[start:end], 206, headers, "audio/wav")
 
 
-def diagnosed(service: Service, wanted: Asked) -> Mapping[str, object]:
+def diagnosed(service: Service, wanted: SliderSettings) -> Mapping[str, object]:
     """Return what the library says of the sound of a longer run of the same motion; nothing is stored."""
     axis = wanted.axis
     recording = Recording(wanted.run(DIAGNOSED).sound, SAMPLE_RATE_HZ)

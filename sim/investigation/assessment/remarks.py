@@ -9,7 +9,7 @@ import numpy as np
 from sim.description.axis import Axis
 from sim.investigation.assessment.misfit import UNREACHED
 from sim.investigation.data.excitation import Excitation, lacking_at
-from sim.investigation.data.validation import Gate
+from sim.investigation.data.validation import DataCheck
 from sim.investigation.estimation.estimate import Fit
 from sim.investigation.estimation.problem import Problem
 from sim.investigation.hypotheses.identifiability import highest_order, passed_slowly, passing_hz, shown
@@ -63,7 +63,7 @@ def description_remarks(problem: Problem, fit: Fit) -> tuple[str, ...]:
     )
 
 
-def controller_law_remarks(problem: Problem, gate: Gate) -> tuple[str, ...]:
+def controller_law_remarks(problem: Problem, gate: DataCheck) -> tuple[str, ...]:
     """That the torque channel's own noise was taken away, if it was."""
     if gate.law is None or not problem.measurement.unsure.size:
         return ()

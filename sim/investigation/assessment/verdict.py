@@ -48,7 +48,7 @@ def terms_said(fit: Fit, findings: Sequence[Finding]) -> tuple[Term, ...]:
     return tuple(t for t in fit.terms if t.named and (t.mechanism, t.location) in said)
 
 
-def said_alone(selection: Selection, findings: Sequence[Finding]) -> tuple[tuple[Finding, ...], Fit]:
+def refit_reported(selection: Selection, findings: Sequence[Finding]) -> tuple[tuple[Finding, ...], Fit]:
     """Findings, and the fit without those that are not said, by which the numbers of the others are.
 
     Two of a fit may stand against each other, as an offset and friction unlike in both directions do. Where one of them

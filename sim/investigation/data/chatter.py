@@ -16,7 +16,7 @@ FELT_S = 0.05  # on either side of a row, over which that is asked
 FEWEST_TOLD = 1.0 / 3.0  # of all rows; fewer say less than what is rough
 
 
-def told(kicked: Sequence[Array], rate_hz: float) -> Array:
+def linear_rows(kicked: Sequence[Array], rate_hz: float) -> Array:
     """1 where twice the kick does twice as much, else 0, shape (n,); all 1 where hardly any row would be left.
 
     `kicked`: whitened residuals (n,) without a kick, with one and with two.

@@ -27,7 +27,7 @@ from sim.investigation.data.repair import repair
 from sim.investigation.data.sample_defects import bridged, quantum
 from sim.mechanisms import Clipping, LostSamples
 
-__all__ = ["Fault", "Gate", "InvestigationError", "examine"]
+__all__ = ["DataCheck", "Fault", "InvestigationError", "examine"]
 
 LEAST_SECONDS = 2.0
 SLOWEST_HZ, FASTEST_HZ = 10.0, 50_000.0
@@ -37,7 +37,7 @@ LEAST_LOST = 5e-4  # of all rows: fewer are not named
 
 
 @dataclass(frozen=True)
-class Gate:
+class DataCheck:
     """Channels ready for the fit, faults found in them, what the drive's law says, remarks for the report.
 
     `axis`: the description with a first value for each number that is `unknown` in it.
@@ -51,7 +51,7 @@ class Gate:
     unknown: frozenset[str] = frozenset()
 
 
-def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None, gear: float = 1.0) -> Gate:
+def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None, gear: float = 1.0) -> DataCheck:
     """Check, repair what can be repaired (saying so), refuse what cannot.
 
     `doubts`: ways in which the known torque may be wrong as a whole, each by a standard deviation, shape (rows, p)
@@ -97,7 +97,7 @@ def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None, gear:
     if reference is not None:
         course = bridged(reference, ~lost)
         law = drive_law(measurement, rate, even["torque"], even["angle"], course)
-    return Gate(measurement, tuple(faults), law, tuple(remarks), axis, unknown)
+    return DataCheck(measurement, tuple(faults), law, tuple(remarks), axis, unknown)
 
 
 def _doubted(m: Measurement, times: Array, doubts: Array) -> Measurement:

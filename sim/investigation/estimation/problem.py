@@ -396,7 +396,7 @@ class Problem:
             other.residual(terms, {p.name: values[p.name] + kick * _inwards(p, values[p.name]) for p in parameters})
             for kick in (0.0, chatter.KICK, 2.0 * chatter.KICK)
         ]
-        counts = chatter.told([left[:rows] for left in kicked], self.measurement.rate_hz)
+        counts = chatter.linear_rows([left[:rows] for left in kicked], self.measurement.rate_hz)
         return other.measuring(replace(other.measurement, told=counts))
 
     def with_all_told(self) -> Problem:

@@ -25,7 +25,7 @@ STEPS = 4.0  # of the encoder, which a way has at least: either end of it is off
 
 
 @dataclass(frozen=True)
-class Place:
+class HeldPosition:
     """Where the load stayed [rad], and for how many rows."""
 
     angle: float
@@ -60,26 +60,26 @@ def pull_test(time_s: Array, motor: Array, load: Array) -> PullTest | None:
     return PullTest(tuple(pulled), tuple(let_go)) if pulled else None
 
 
-def _turns(three: Sequence[Place]) -> bool:
+def _turns(three: Sequence[HeldPosition]) -> bool:
     """Whether the middle one is the furthest of three."""
     before, here, after = (place.angle for place in three)
     return (here - before) * (here - after) > 0.0
 
 
-def _longest(places: Sequence[Place]) -> Place:
+def _longest(places: Sequence[HeldPosition]) -> HeldPosition:
     return max(places, key=lambda place: place.rows)
 
 
-def _places(load: Array, rest: int) -> list[Place]:
+def _places(load: Array, rest: int) -> list[HeldPosition]:
     """Where the load stays for at least `rest` rows, one after the other."""
     stands = STANDS * float(np.ptp(load))
-    out: list[Place] = []
+    out: list[HeldPosition] = []
     for first, end in _runs(load, stands):
         if end - first < rest:
             continue
-        here = Place(float(np.median(load[first:end])), end - first)
+        here = HeldPosition(float(np.median(load[first:end])), end - first)
         if out and abs(out[-1].angle - here.angle) <= stands:
-            here = Place(out[-1].angle if out[-1].rows > here.rows else here.angle, out.pop().rows + here.rows)
+            here = HeldPosition(out[-1].angle if out[-1].rows > here.rows else here.angle, out.pop().rows + here.rows)
         out.append(here)
     return out
 

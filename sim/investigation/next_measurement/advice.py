@@ -10,7 +10,7 @@ from sim.investigation.assessment.calibration import WEIGHTS
 from sim.investigation.assessment.posterior import against_rivals, existence, is_close
 from sim.investigation.hypotheses.catalogue import all_terms_of
 from sim.investigation.hypotheses.hypothesis import Term
-from sim.investigation.next_measurement.discrimination import SEPARATES, told_by
+from sim.investigation.next_measurement.discrimination import SEPARATES, separation_of_rivals
 from sim.investigation.next_measurement.plans import REPEAT
 from sim.investigation.report.formatting import named, number, words_of
 from sim.investigation.report.maintenance_actions import SURE
@@ -34,7 +34,7 @@ def simulated_advice(selection: Selection, findings: Sequence[Finding]) -> tuple
         rivals = {} if term.load_torque else _rivals(selection, term, told[term.key])
         if rivals:
             name, model = named(term.mechanism, term.location), selection.standings[term.key].model
-            return told_by(selection.problem, selection.fit, model, rivals, name)
+            return separation_of_rivals(selection.problem, selection.fit, model, rivals, name)
     return ()
 
 

@@ -44,7 +44,7 @@ BINS = (0.0, 0.1, 0.3, 0.6, 1.0)  # of the top speed, by which it is said where 
 ONE_WAY = 0.5  # mean over root mean square, from which a difference has a sign
 
 
-def told_by(
+def separation_of_rivals(
     problem: Problem, fit: Fit, model: Model, rivals: Mapping[str, Model], name: str
 ) -> tuple[MeasurementUtility, ...]:
     """Of every measurement that can be simulated what it would tell of a model, by its name, and the rivals by theirs.

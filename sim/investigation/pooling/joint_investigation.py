@@ -48,9 +48,9 @@ from sim.investigation.pooling.pooled_estimates import (
 from sim.investigation.pooling.recording_evidence import (
     Weighed,
     called,
+    finding_named,
     found_at,
     is_own,
-    said_by,
     shows,
     the_same_together,
     weighed,
@@ -254,14 +254,14 @@ def _own(parts: Sequence[Part], weighed: Iterable[Name]) -> dict[Name, Finding]:
 
 def _finding(results: Sequence[Investigation], name: Name, one: Weighed, numbers: Sequence[Estimate]) -> Finding:
     """With the pooled numbers; of what was only heard in the words of the recording that is surest of it."""
-    surest = max((f for r in results if (f := said_by(r, name))), key=lambda f: f.probability)
+    surest = max((f for r in results if (f := finding_named(r, name))), key=lambda f: f.probability)
     told = surest.explanation
     sure = one.probability
     if found_at(results, name) is not None:
         told = explain(name.mechanism, name.location, {e.name: e.value for e in numbers}, one.elsewhere)
         axis = results[0].axis
         open_in_each = one.indistinguishable_from and all(
-            f.probability <= ALONE for r in results if (f := said_by(r, name))
+            f.probability <= ALONE for r in results if (f := finding_named(r, name))
         )
         if (
             open_in_each

@@ -27,7 +27,7 @@ from sim.investigation.hypotheses.hypothesis import Term
 from sim.investigation.hypotheses.traits import AS_NEW, traits_of
 from sim.investigation.model.parameters import Owner
 from sim.investigation.pooling.log_odds import Known, LogOdds, Name, pooled
-from sim.investigation.pooling.recording_evidence import found_at, instead, is_own, said_by, term_name
+from sim.investigation.pooling.recording_evidence import finding_named, found_at, instead, is_own, term_name
 from sim.investigation.results import Estimate, Finding, Gain, Investigation
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms.catalogue import kind_or_any
@@ -132,7 +132,7 @@ def sizes(parts: Sequence[Part], name: Name, sayings: Sequence[LogOdds]) -> dict
     out = {}
     for part, saying in zip(parts, sayings, strict=True):
         terms = [t for t in part.fit.terms if t.named and term_name(t, part.fit.values) == name]
-        finding = said_by(part.result, name)
+        finding = finding_named(part.result, name)
         if terms and (finding is not None or saying.exists > 0.0):
             out[part.taken.name] = term_estimates(
                 part.fit, terms[0], part.problem.measurement, terms[0].report(part.fit.values)

@@ -54,12 +54,12 @@ def is_own(name: Name) -> bool:
     return kind_or_any(name.mechanism).of_the_recording
 
 
-def said_by(result: Investigation, name: Name) -> Finding | None:
+def finding_named(result: Investigation, name: Name) -> Finding | None:
     return next((f for f in result.findings if called(f) == name), None)
 
 
 def shows(result: Investigation, name: Name) -> bool:
-    finding = said_by(result, name)
+    finding = finding_named(result, name)
     return finding is not None and finding.probability >= SAID
 
 
@@ -108,7 +108,7 @@ def weighed(results: Sequence[Investigation], denied: Collection[tuple[Name, int
     rivals = {name: against(sayings[name]) for name in names}
     out: dict[Name, Weighed] = {}
     for name in names:
-        given = [finding for result in results if (finding := said_by(result, name))]
+        given = [finding for result in results if (finding := finding_named(result, name))]
         somewhere, everywhere = the_same_together(results, name)
         left_out = {r.mechanism for r in rivals[name]} | (somewhere - everywhere)
         alike = dict.fromkeys(m for f in given for m in f.indistinguishable_from if m not in left_out)
@@ -127,7 +127,7 @@ def weighed(results: Sequence[Investigation], denied: Collection[tuple[Name, int
 def the_same_together(results: Sequence[Investigation], name: Name) -> tuple[set[str], set[str]]:
     """What looks the same as a mechanism in any of the recordings that name it, and what does in all of them together:
     what is told by the motion of others would not be of one size there."""
-    ms = [r.gate.measurement for r in results if r.gate is not None and said_by(r, name)]
+    ms = [r.gate.measurement for r in results if r.gate is not None and finding_named(r, name)]
     if not ms:
         return set(), set()
     each = {other for m in ms for other in the_same(name.mechanism, lacking(m))}
@@ -136,7 +136,7 @@ def the_same_together(results: Sequence[Investigation], name: Name) -> tuple[set
 
 def _saying(result: Investigation, name: Name, results: Sequence[Investigation]) -> LogOdds:
     """What a recording says of `name`: no more than the size that it has in all of them gains it."""
-    finding, found = said_by(result, name), found_at(results, name)
+    finding, found = finding_named(result, name), found_at(results, name)
     if found is None:  # by sound
         if finding is not None:
             return LogOdds(logit(finding.probability) - PRIOR)
@@ -146,7 +146,7 @@ def _saying(result: Investigation, name: Name, results: Sequence[Investigation])
     values = {} if result.weighed is None else result.weighed.fit.values
     asked = math.inf if is_own(name) or _is_of(result, found[1]) else _asked(result, *found)
     for other, standing in _standings(result).items():
-        given, beaten = said_by(result, other), _beaten(standing, values)
+        given, beaten = finding_named(result, other), _beaten(standing, values)
         if given is not None and given.evidence is not None and name in (other, *beaten):
             exists = min(exists_in(given.evidence) - PRIOR, asked)
             return LogOdds(exists, beaten if name == other else {other: -beaten[name]})

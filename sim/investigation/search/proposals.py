@@ -31,7 +31,7 @@ from sim.investigation.search.criterion import (
 from sim.investigation.search.effect_size import beyond, magnitude
 from sim.investigation.search.residual_proposals import changed_gain, nameless_terms, ripples, waves
 from sim.investigation.search.score_test import Screened, screen
-from sim.investigation.search.tooth_scan import Place, scan
+from sim.investigation.search.tooth_scan import ToothPosition, scan
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Need
 from sim.mechanisms.traits import LEAST_GAIN
@@ -260,14 +260,14 @@ def damage_terms(problem: Problem, terms: Sequence[Term], values: Mapping[str, f
     }
     if not teeth:
         return []
-    best: dict[int, Place] = {}
+    best: dict[int, ToothPosition] = {}
     for place in sorted(scan(problem, terms, values, teeth), key=lambda p: -p.gain):
         best.setdefault(place.link, place)
     least = max(LEAST_GAIN, LINEAR * max((place.gain for place in best.values()), default=0.0))
     return [_damage_term(problem, place) for place in best.values() if place.gain >= least]
 
 
-def _damage_term(problem: Problem, place: Place) -> Term:
+def _damage_term(problem: Problem, place: ToothPosition) -> Term:
     """A dent at a place, to be tried on a grid around it: contact lost makes it far from linear."""
     stage = problem.axis.stages[place.link]
     pitch = 2.0 * math.pi / (stage.driven_teeth or 1)

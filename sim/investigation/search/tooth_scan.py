@@ -25,7 +25,7 @@ SPEEDS = 12
 
 
 @dataclass(frozen=True)
-class Place:
+class ToothPosition:
     """A local fault that a scan proposes; `gain` is the drop of the whitened sum of squares it promises."""
 
     link: int
@@ -66,7 +66,9 @@ def displacement_response(chain: Chain, frequency_hz: Array, guide: tuple[float,
     return torque, drawn
 
 
-def scan(problem: Problem, terms: Sequence[Term], values: Mapping[str, float], teeth: Mapping[int, int]) -> list[Place]:
+def scan(
+    problem: Problem, terms: Sequence[Term], values: Mapping[str, float], teeth: Mapping[int, int]
+) -> list[ToothPosition]:
     """Best place per link and flank where the model is off with these numbers; `teeth` of the driven gear by link."""
     m = problem.measurement
     chain = problem.chain(terms, values)
@@ -117,7 +119,7 @@ def torque_sign(problem: Problem, chain: Chain) -> Array:
 def _best(
     k: int, flank: int, teeth: int, angle: Array, speed: Array, match: Array, used: NDArray[np.bool_],
     frequency: Array, power: Array,
-) -> list[Place]:  # fmt: skip
+) -> list[ToothPosition]:  # fmt: skip
     pitch = 2.0 * math.pi / teeth
     bins = max(1024, 16 * teeth)
     index = np.floor((angle[used] % (2.0 * math.pi)) / (2.0 * math.pi) * bins).astype(np.int64) % bins
@@ -139,7 +141,7 @@ def _best(
         at = int(np.argmax(gain))
         if gain[at] > 0.0:
             centre = (at + 0.5) / bins * 2.0 * math.pi
-            out.append(Place(k, flank, centre, half, float(inner[at] / norm[at]), float(gain[at])))
+            out.append(ToothPosition(k, flank, centre, half, float(inner[at] / norm[at]), float(gain[at])))
     return out
 
 

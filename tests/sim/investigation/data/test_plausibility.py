@@ -9,7 +9,7 @@ import pytest
 from benchmarks.harness.telemetry_of import geared
 from signals.telemetry import Telemetry
 from sim.description.axis_document import read_axis
-from sim.investigation.data.validation import Gate, InvestigationError, examine
+from sim.investigation.data.validation import DataCheck, InvestigationError, examine
 
 SHEET: dict[str, dict[str, float]] = {
     "motor": {
@@ -32,7 +32,9 @@ SHEET: dict[str, dict[str, float]] = {
 GOOD = geared(0.15, 10.0, 15.0, 1e4, 1)
 
 
-def gate(table: str = "motor", key: str = "inertia_kg_m2", factor: float = 1.0, telemetry: Telemetry = GOOD) -> Gate:
+def gate(
+    table: str = "motor", key: str = "inertia_kg_m2", factor: float = 1.0, telemetry: Telemetry = GOOD
+) -> DataCheck:
     sheet = copy.deepcopy(SHEET)
     sheet[table][key] *= factor
     output = sheet.pop("output")

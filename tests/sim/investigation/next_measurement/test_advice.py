@@ -19,7 +19,7 @@ from sim.investigation.estimation.whitening import Noise
 from sim.investigation.hypotheses.catalogue import terms_of
 from sim.investigation.investigate import investigate
 from sim.investigation.next_measurement.advice import NOTHING, in_words
-from sim.investigation.next_measurement.discrimination import SEPARATES, told_by
+from sim.investigation.next_measurement.discrimination import SEPARATES, separation_of_rivals
 from sim.investigation.next_measurement.plans import Present, even_speeds, there_and_back
 from sim.investigation.report.html import html_report
 from sim.investigation.results import Investigation, MeasurementUtility
@@ -125,7 +125,7 @@ def best(told: tuple[MeasurementUtility, ...], words: str) -> float:
 def test_without_a_load_encoder_one_that_is_added_tells_runout_from_nothing() -> None:
     problem, fit = fitted(guided=False)
     runout = with_term(problem, fit, "eccentricity@output", 3e-4)
-    told = told_by(problem, fit, runout, {NOTHING: Model.of(fit)}, "eccentricity at output")
+    told = separation_of_rivals(problem, fit, runout, {NOTHING: Model.of(fit)}, "eccentricity at output")
     assert "Add an encoder at the load" in in_words(told)
     assert best(told, "Add an encoder") > SEPARATES > best(told, "Repeat the same motion")
 
@@ -135,7 +135,7 @@ def test_what_no_measurement_of_motor_and_load_tells_apart_has_no_simulated_advi
     problem, fit = fitted(guided=True)
     runout = with_term(problem, fit, "eccentricity@output", 3e-4, 0.0)
     error = with_term(problem, fit, "encoder_error@load", -3e-4, 0.0)
-    told = told_by(problem, fit, runout, {"encoder error at load": error}, "eccentricity at output")
+    told = separation_of_rivals(problem, fit, runout, {"encoder error at load": error}, "eccentricity at output")
     assert max(one.separation for one in told) < SEPARATES
     assert in_words(told) == ""
 
@@ -145,4 +145,4 @@ def test_a_motion_that_the_motor_cannot_make_is_left_out() -> None:
     weak = replace(GEARED, motor=replace(GEARED.motor, torque_limit_n_m=0.5))
     problem.axis = weak
     play = with_term(problem, fit, "eccentricity@output", 3e-4)
-    assert told_by(problem, fit, play, {NOTHING: Model.of(fit)}, "eccentricity at output") == ()
+    assert separation_of_rivals(problem, fit, play, {NOTHING: Model.of(fit)}, "eccentricity at output") == ()
