@@ -35,7 +35,7 @@ from sim.experiment.design_of_experiments import Planned, moved, path_rms, plan,
 from sim.mechanisms import MECHANISMS
 
 Floats = NDArray[np.float64]
-Heards = Mapping[str, Sequence[NormalRecording]]
+NormalRecordings = Mapping[str, Sequence[NormalRecording]]
 Change = Callable[[Planned, np.random.Generator], Planned]
 FACTORS = (0.25, 0.5, 2.0, 4.0)
 """Steps of a factor that nobody can read off a recording: halves and doubles."""
@@ -128,7 +128,7 @@ class Half:
 
     axis: Axis
     recordings: tuple[NormalRecording, ...]
-    normal: Heards
+    normal: NormalRecordings
 
     @cached_property
     def microphones(self) -> tuple[Microphone, ...]:
@@ -235,8 +235,8 @@ def _changes(cause: str, half: Half) -> dict[str, Change]:
 def compare(
     axis: Axis,
     label: str,
-    recordings: Heards,
-    normal: Heards,
+    recordings: NormalRecordings,
+    normal: NormalRecordings,
     *,
     count: int,
     seed: int = 0,
@@ -294,7 +294,7 @@ def compare(
     )
 
 
-def _halves(axis: Axis, label: str, recordings: Heards, normal: Heards) -> tuple[list[Half], list[str]]:
+def _halves(axis: Axis, label: str, recordings: NormalRecordings, normal: NormalRecordings) -> tuple[list[Half], list[str]]:
     """Every other gearbox to look at and the rest to judge by, and whose each recording is; raises ParameterError."""
     if len(recordings) < 2:
         raise ParameterError(
