@@ -294,7 +294,9 @@ def compare(
     )
 
 
-def _halves(axis: Axis, label: str, recordings: NormalRecordings, normal: NormalRecordings) -> tuple[list[Half], list[str]]:
+def _halves(
+    axis: Axis, label: str, recordings: NormalRecordings, normal: NormalRecordings
+) -> tuple[list[Half], list[str]]:
     """Every other gearbox to look at and the rest to judge by, and whose each recording is; raises ParameterError."""
     if len(recordings) < 2:
         raise ParameterError(
