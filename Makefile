@@ -12,7 +12,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # the tests start the program some hundred times: it is compiled once, also where the environment says otherwise
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup run test suite check bench challenge chaos field trends robots bombs screenshots lock clean
+.PHONY: setup run test test-fast suite check bench challenge chaos field trends robots bombs screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
@@ -48,12 +48,16 @@ test: setup
 suite: setup
 	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
+test-fast: setup
+	$(BIN)/python -m pytest -n 2 -m 'unit and not slow'
+
 check: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/check_lock.py
+	@if [ -x "$(GEARCASE_SHARED)/tools/house_size" ]; then "$(GEARCASE_SHARED)/tools/house_size" .; fi
 
 # the tools that make the lock are not needed to use it: python3 -m pip install uv
 LOCK := uv pip compile pyproject.toml --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate --python-version 3.11 --quiet

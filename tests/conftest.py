@@ -16,16 +16,28 @@ settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 
 TEMPLATE = "gearcase_template"
-LONGEST_FIRST = (
-    "hidden_effects", "test_field_folders.py", "test_pages.py", "jobs", "test_evaluation.py", "web", "app",
-    "discrepancy",
-)  # fmt: skip
+LONGEST_FIRST = ("hidden_effects", "test_pages.py", "jobs", "test_evaluation.py", "web", "app", "investigation")
 """Folders and files that take longest, so that no process of several is left with one at the end."""
 _numbers = itertools.count()
 
 
+UNITS = ("acoustics", "chain", "description", "experiment", "mechanisms", "rotational", "test_bad_input.py")
+SERVICES = {"live_server", "postgres_server", "sqlite_database_url", "database_url", "site", "inside"}
+
+
+def _kind(item: pytest.Item) -> str:
+    parts = item.path.relative_to(item.config.rootpath).parts
+    if parts[1] == "sim" and parts[2] in UNITS:
+        return "unit"
+    service = parts[1] in ("web", "field", "benchmarks") or SERVICES & set(getattr(item, "fixturenames", ()))
+    return "service" if service else "contract"
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Take the files that take longest first."""
+    """Mark every test by its kind; take the files that take longest first."""
+    for item in items:
+        item.add_marker(_kind(item))
 
     def place(item: pytest.Item) -> int:
         parts = item.path.relative_to(item.config.rootpath).parts
