@@ -1,11 +1,9 @@
-"""From an axis description to what can be simulated: a drive train, and shafts in series."""
+"""From an axis description to what can be simulated: a drive train."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from sim.chain.model import Chain
-from sim.chain.reduction import chain_of
 from sim.description.axis import Axis
 from sim.description.transmission import link_damping, link_stiffness
 from sim.errors import AxisError
@@ -22,11 +20,6 @@ from sim.rotational.components import (
     Torque,
 )
 from sim.rotational.drive_train import DriveTrain
-
-
-def chain_of_axis(axis: Axis) -> Chain:
-    """The chain of an axis description with its mechanisms."""
-    return chain_of(drive_train_of(axis))
 
 
 def drive_train_of(axis: Axis, drive: Signal | None = None) -> DriveTrain:

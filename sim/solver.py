@@ -49,7 +49,7 @@ def simulate(
         `exact` needs components that are affine in every mode (`drive_train.affine`); `chain` takes shafts in series
         with all that is not affine: servo, imperfect meshes, friction of any curve. None: exact where it can be.
     watch
-        Five numbers of which the last becomes the share of a chain's run that is done, for another thread to look at.
+        One number, which becomes the share of a chain's run that is done, for another thread to look at.
 
     Returns
     -------

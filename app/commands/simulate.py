@@ -54,12 +54,12 @@ class Run:
 
     def watched(self, run: Callable[[NDArray[np.float64]], Result]) -> Result:
         """Run in a thread and show how far it is; the compiled engine works without the interpreter's lock."""
-        watch = np.zeros(5)
+        watch = np.zeros(1)
         with self.frame.progress() as progress, ThreadPoolExecutor(1) as beside:
             task = progress.add_task(f"simulating {self.duration:g} s", total=1.0)
             running = beside.submit(run, watch)
             while wait([running], timeout=0.1).not_done:
-                progress.update(task, completed=float(watch[4]))
+                progress.update(task, completed=float(watch[0]))
         return running.result()
 
 

@@ -20,6 +20,7 @@ from signals.recording import Recording
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
 from sim.description.axis import Axis
 from sim.errors import SimulationError
+from sim.experiment.scenario import travel_rad
 from sim.experiment.virtual_measurement import TELEMETRY_RATE_HZ
 from sim.mechanisms import Backlash, KinematicError, ToothDamage
 from sim.mechanisms.catalogue import mechanism_of, with_mechanism
@@ -84,13 +85,12 @@ def moved(axis: Axis, values: Mapping[str, float]) -> Axis:
         values: of all sliders, by name.
     """
     off = {one.name: values[one.name] for one in sliders(axis) if values[one.name] != one.start}
-    last, motion = axis.stages[-1], axis.motion
+    last = axis.stages[-1]
     if "gap_mrad" in off:
         axis = replace(axis, stages=(*axis.stages[:-1], replace(last, backlash_rad=0.0)))
         axis = _with(axis, Backlash, gap_rad=1e-3 * off["gap_mrad"])
     if "notch_mrad" in off:
-        half_way = motion.load_speed_rad_s * (motion.period_s / 2 - motion.dwell_s - motion.acceleration_time_s) / 2
-        place = {} if _described(axis, ToothDamage) else {"angle_rad": half_way % (2 * np.pi)}
+        place = {} if _described(axis, ToothDamage) else {"angle_rad": travel_rad(axis.motion) / 2 % (2 * np.pi)}
         axis = _with(axis, ToothDamage, depth_rad=1e-3 * off["notch_mrad"], **place)
     if "error_mrad" in off or "order" in off:
         axis = _with(axis, KinematicError, amplitude_rad=1e-3 * values["error_mrad"], order=values["order"])

@@ -18,7 +18,10 @@ WIDEST = 24
 
 
 def write_decimals(columns: Mapping[str, NDArray[np.float64]], path: Path) -> None:
-    """Write columns of equal length, shape (n,), below their names; what is read back is `numpy.round(values, 9)`."""
+    """Write columns of equal length, shape (n,), below their names; what is read back is `numpy.round(values, 9)`.
+
+    Rows near a number above `LARGEST`, or one that is not finite, keep every digit.
+    """
     space = np.empty(WIDEST * ROWS * len(columns), np.uint8)
     rows = len(next(iter(columns.values())))
     with path.open("wb") as file:

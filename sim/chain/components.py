@@ -42,7 +42,7 @@ class MeshDent:
 
 
 class SeriesOnly(Component):
-    """A component that engine 2 alone can have."""
+    """A component that shafts in series alone can have."""
 
     @property
     def affine(self) -> bool:

@@ -1,4 +1,4 @@
-"""Engine 2: simulate shafts in series with everything that is not affine (equations: `sim.chain.model`)."""
+"""Simulate shafts in series with everything that is not affine (equations: `sim.chain.model`)."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def run_chain(
 
     `start`: angles then speeds, shape (2 shafts,); default `steady_start` of a servo, else rest. `substeps` per sample:
     default `stable_substeps`.
-    `watch`: five numbers, of which the last tells another thread the fraction that is done.
+    `watch`: one number, which becomes the fraction that is done, for another thread to look at.
     `names` gives that of a shaft or, where its second argument is true, of a link for the words of errors.
     Raises ChainError for a wrong chain, drive or size before any work, RunError for a result that does not obey its
     equations.
@@ -65,15 +65,15 @@ def run_chain(
     first = _default_start(chain, drive) if start is None else checked("start", start, (2 * n,))
     state[:n], state[4 : 4 + n] = first[:n], first[n:]
     tolerance = 1e-12 * max([1.0, *(link.stiffness_n_m_per_rad for link in chain.links)])
-    grid = np.zeros(5) if watch is None else watch
-    grid[:3] = sample_rate_hz, substeps, tolerance
+    grid = np.array([sample_rate_hz, substeps, tolerance])
+    watch = np.zeros(1) if watch is None else watch
     angle, speed, acceleration = (np.empty((samples, n)) for _ in range(3))
     force = np.empty((samples, n - 1))
     torque = np.empty(samples)
     log = np.empty((max(LOG_ROWS, samples // 16), 5))
     while True:
         count, unresolved = chain_kernel.run(
-            p.copy(), q.copy(), given, servo, reference, grid, state,
+            p.copy(), q.copy(), given, servo, reference, grid, watch, state,
             log, angle, speed, acceleration, force, torque,
         )  # fmt: skip
         if count <= len(log):
@@ -81,7 +81,8 @@ def run_chain(
         log = np.empty((count, 5))
     if unresolved:
         raise RunError(f"events storm in {unresolved} steps; is a stiffness, a damping or a gap out of all proportion?")
-    result = ChainResult(sample_rate_hz, angle, speed, acceleration, force, torque, log[:count])
+    time = np.arange(samples) / sample_rate_hz
+    result = ChainResult(time, angle, speed, acceleration, force, torque, log[:count])
     return replace(result, residual=_check(p, q, given, grid, result, names))
 
 
@@ -137,7 +138,7 @@ def _check_run(sample_rate_hz: float, samples: int) -> None:
     if not (math.isfinite(sample_rate_hz) and sample_rate_hz > 0):
         raise ChainError(f"sample_rate_hz: must be > 0, got {sample_rate_hz}")
     if not 2 <= samples <= MAX_SAMPLES:
-        raise ChainError(f"samples: needs 2 to {MAX_SAMPLES}, got {samples}; simulate longer runs in pieces")
+        raise ChainError(f"samples: needs 2 to {MAX_SAMPLES}, got {samples}")
 
 
 def _default_start(chain: Chain, drive: Drive) -> Array:

@@ -1,4 +1,4 @@
-"""Compiled inner loop of engine 2: shafts in series over flat arrays (packed in `sim.chain.packing`).
+"""Compiled inner loop of shafts in series over flat arrays (packed in `sim.chain.packing`).
 
 Classical Runge-Kutta of order 4 with fixed steps between events. What is not smooth is a mode that is held
 during a step and changed only at a located instant: contact of each mesh, stick or slip of each shaft, driving
@@ -500,6 +500,7 @@ def run(
     servo: Matrix,
     reference: Matrix,
     grid: Matrix,
+    watch: Matrix,
     start: Matrix,
     log: Matrix,
     angle: Matrix,
@@ -508,8 +509,8 @@ def run(
     force: Matrix,
     torque: Matrix,
 ) -> tuple[int, int]:
-    """Integrate over the rows of `torque`; `grid` = rate [Hz], steps per sample, tolerance, and the fraction done,
-    which another thread may watch. Inputs and servo ticks come once per sample. Returns (events, unresolved).
+    """Integrate over the rows of `torque`; `grid` = rate [Hz], steps per sample, tolerance; `watch` becomes the
+    fraction done, for another thread. Inputs and servo ticks come once per sample. Returns (events, unresolved).
     """
     n = q[SHAFTS]
     substeps = int(grid[1])
@@ -525,7 +526,7 @@ def run(
     unresolved = 0
     integral = 0.0
     for i in range(samples):
-        grid[4] = i / samples
+        watch[0] = i / samples
         t = i / grid[0]
         last = i == samples - 1
         u = 1.0 if last and i > 0 else 0.0

@@ -1,10 +1,10 @@
-"""Engine 2 for robot axes: shafts in series with everything that is not affine inside, motor side first.
+"""Shafts in series with everything that is not affine inside, motor side first.
 
     J_k w_k' = F_(k-1) - T_k(F_k / i_k) - friction_k - gravity_k + offset_k + ripple_k (+ motor on shaft 0)
     x_k = theta_k / i_k - theta_(k+1) - e_k(angles)                twist of link k, at its driven gear [rad]
     F_k = contact law of x_k, x_k' (with gap, dents, stiffness) + hysteresis      torque on shaft k+1 [N m]
 
-T_k is the lossy gear of `design` equation LossyGear of Modelica.Mechanics.Rotational 4.1, F_k its ElastoBacklash.
+T_k is LossyGear of Modelica.Mechanics.Rotational 4.1, F_k its ElastoBacklash.
 Friction at zero speed is exact stick. Order 4 in the step between located events.
 """
 
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,7 +142,7 @@ class ChainResult:
     Rows of the log: time [s]; 0 contact, 1 stick, 2 direction of hysteresis, 3 who drives; link or shaft; from; to.
     """
 
-    sample_rate_hz: float
+    time_s: Array
     angle_rad: Array
     speed_rad_s: Array
     acceleration_rad_s2: Array
@@ -151,10 +150,6 @@ class ChainResult:
     motor_torque_n_m: Array
     log: Array = field(repr=False)
     residual: Residual = field(default_factory=Residual)
-
-    @cached_property
-    def time_s(self) -> Array:
-        return np.arange(self.motor_torque_n_m.size) / self.sample_rate_hz
 
 
 def with_loss(efficiency: tuple[float, float], fraction: float) -> tuple[float, float]:

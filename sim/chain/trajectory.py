@@ -1,4 +1,4 @@
-"""From the numbers of engine 2 to a `Trajectory` with the names of the train's components.
+"""From the numbers of a chain to a `Trajectory` with the names of the train's components.
 
 Signs: a chain counts the torque on the driven shaft, Modelica the torque into the component; a mesh's `tau` and
 `mode` are those of Modelica, so flank 1 (driver pushes forward) has tau < 0 and mode -1.

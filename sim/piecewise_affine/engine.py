@@ -1,4 +1,4 @@
-"""Engine 1, exact: every mode is x' = M x, solved by its matrix exponential; mode changes are located in time.
+"""The exact engine: every mode is x' = M x, solved by its matrix exponential; mode changes are located in time.
 
 What it costs does not depend on stiffness or accuracy, and the samples do not depend on the sample rate: between events
 the solution is exact to rounding, and an event's instant is the root of an exact power series. A train whose motion

@@ -1,6 +1,8 @@
 """An axis of three shafts for the tests, and the paper's chain."""
 
+from sim.assembly import drive_train_of
 from sim.chain.model import Chain, Link, Shaft
+from sim.chain.reduction import chain_of
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 
@@ -56,3 +58,8 @@ def three_shafts(**output: object) -> Chain:
     from sim.chain.model import with_link
 
     return with_link(chain, 1, **output) if output else chain
+
+
+def chain_of_axis(axis: Axis) -> Chain:
+    """The chain of an axis description with its mechanisms."""
+    return chain_of(drive_train_of(axis))

@@ -1,4 +1,4 @@
-"""Engine 2 against closed forms, against engine 1, and against what physics conserves."""
+"""The chain against closed forms, the exact engine, and against what physics conserves."""
 
 import math
 from dataclasses import replace

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from signals.telemetry import Telemetry
-from sim.assembly import chain_of_axis, drive_train_of
+from sim.assembly import drive_train_of
 from sim.chain.integrate import run_chain
 from sim.chain.model import Chain, ChainResult, Servo
 from sim.description.axis import Axis, MechanismEntry
@@ -17,7 +17,7 @@ from sim.errors import AxisError, ParameterError
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.catalogue import apply_mechanisms, mechanism_of, with_mechanism
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism
-from tests.sim.axes import axis
+from tests.sim.axes import axis, chain_of_axis
 
 Array = NDArray[np.float64]
 CONTRACT = [

@@ -6,13 +6,13 @@ import math
 
 import pytest
 
-from sim.assembly import chain_of_axis
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.investigation.model.nominal import base_parameters, chain_of, hums
 from sim.investigation.model.parameters import Owner, Stated
 from sim.mechanisms import ElectricalHum
 from sim.mechanisms.catalogue import with_mechanism
+from tests.sim.axes import chain_of_axis
 
 AXIS = with_mechanism(
     read_axis(
