@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from sim.errors import CompositionError, ParameterError, number
-from sim.rotational.component import Branch, Component, Variables
+from sim.rotational.component import Branch, Component, Range, Variables
 from sim.rotational.components import ElastoBacklash
 
 Wheel = Literal["driver", "driven"]
@@ -44,9 +44,7 @@ class MeshDent:
 class SeriesOnly(Component):
     """A component that shafts in series alone can have."""
 
-    @property
-    def affine(self) -> bool:
-        return False
+    affine: ClassVar[bool] = False
 
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         raise CompositionError(
@@ -55,7 +53,7 @@ class SeriesOnly(Component):
 
 
 @dataclass(frozen=True)
-class GearMesh(ElastoBacklash, SeriesOnly):
+class GearMesh(SeriesOnly, ElastoBacklash):
     """ElastoBacklash whose flanks are not perfect; angles and torques at the driven gear (flange_b).
 
     With twist x(theta_a, theta_b) and force f the torques are f dx/dtheta (virtual work): errors and dents vary the
@@ -82,14 +80,15 @@ class GearMesh(ElastoBacklash, SeriesOnly):
     hysteresis: float = 0.0
     hysteresis_width: float = 1e-4
 
-    affine = SeriesOnly.affine
-    branches = SeriesOnly.branches
+    ranges: ClassVar[Mapping[str, Range]] = dict(
+        ElastoBacklash.ranges,
+        cubic=Range("1/rad2", at_least=0),
+        hysteresis=Range("N.m", at_least=0),
+        hysteresis_width=Range("rad", above=0),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        number("GearMesh.cubic", self.cubic, "1/rad2", at_least=0)
-        number("GearMesh.hysteresis", self.hysteresis, "N.m", at_least=0)
-        number("GearMesh.hysteresis_width", self.hysteresis_width, "rad", above=0)
         for dent in self.dents:
             number("GearMesh.dents.depth", dent.depth, "rad", at_least=0)
             number("GearMesh.dents.half_width", dent.half_width, "rad", above=0)
@@ -117,16 +116,14 @@ class ShaftFriction(SeriesOnly):
 
     flanges: ClassVar[tuple[str, ...]] = ("flange_a", "flange_b", "support")
     grounded: ClassVar[tuple[str, ...]] = ("support",)
-    units: ClassVar[Mapping[str, str]] = {"w": "rad/s", "mode": "1"}
+    ranges: ClassVar[Mapping[str, Range]] = {
+        **dict.fromkeys(("coulomb", "viscous", "coulomb_backward", "viscous_backward"), Range("N.m", at_least=0)),
+        "stribeck_speed": Range("rad/s", above=0), "stribeck_exponent": Range(above=0), "drift": Range("1/s"),
+    }  # fmt: skip
 
     def __post_init__(self) -> None:
-        for name in ("coulomb", "viscous", "coulomb_backward", "viscous_backward"):
-            if getattr(self, name) is not None:
-                number(f"ShaftFriction.{name}", getattr(self, name), "N.m", at_least=0)
+        super().__post_init__()
         number("ShaftFriction.stribeck", self.stribeck, "N.m", at_least=-self.coulomb)
-        number("ShaftFriction.stribeck_speed", self.stribeck_speed, "rad/s", above=0)
-        number("ShaftFriction.stribeck_exponent", self.stribeck_exponent, "1", above=0)
-        number("ShaftFriction.drift", self.drift, "1/s")
 
     def backward(self, name: str) -> float:
         """`coulomb` or `viscous` for w < 0."""
@@ -149,9 +146,7 @@ class Gravity(OneFlange):
     torque: float
     phase: float = 0.0
 
-    def __post_init__(self) -> None:
-        number("Gravity.torque", self.torque, "N.m")
-        number("Gravity.phase", self.phase, "rad")
+    ranges: ClassVar[Mapping[str, Range]] = {"torque": Range("N.m"), "phase": Range("rad")}
 
 
 @dataclass(frozen=True)
@@ -169,10 +164,7 @@ class TorqueWave(OneFlange):
     frequency: float
     phase: float = 0.0
 
-    def __post_init__(self) -> None:
-        number("TorqueWave.torque", self.torque, "N.m")
-        number("TorqueWave.frequency", self.frequency, "Hz", above=0)
-        number("TorqueWave.phase", self.phase, "rad")
+    ranges: ClassVar[Mapping[str, Range]] = {**Gravity.ranges, "frequency": Range("Hz", above=0)}
 
 
 @dataclass(frozen=True)
@@ -206,15 +198,16 @@ class ServoDrive(OneFlange):
     begin: float = 0.0
     offset: float = 0.0
 
-    units: ClassVar[Mapping[str, str]] = {"tau": "N.m", "reference": "rad"}
+    ranges: ClassVar[Mapping[str, Range]] = {
+        **dict.fromkeys(
+            ("period", "top_speed", "ramp", "position_gain", "speed_gain", "integral_time"), Range(above=0)
+        ),
+        **dict.fromkeys(("dwell", "feed_forward_inertia"), Range(at_least=0)),
+        **dict.fromkeys(("begin", "offset"), Range()),
+    }  # fmt: skip
 
     def __post_init__(self) -> None:
-        for name in ("period", "top_speed", "ramp", "position_gain", "speed_gain", "integral_time"):
-            number(f"ServoDrive.{name}", getattr(self, name), "", above=0)
-        for name in ("dwell", "feed_forward_inertia"):
-            number(f"ServoDrive.{name}", getattr(self, name), "", at_least=0)
-        for name in ("begin", "offset"):
-            number(f"ServoDrive.{name}", getattr(self, name), "")
+        super().__post_init__()
         for name in ("torque_limit", "speed_limit"):
             if not getattr(self, name) > 0:
                 raise ParameterError(f"ServoDrive.{name}: must be > 0, got {getattr(self, name)}")

@@ -15,7 +15,7 @@ def channel_names(system: System, i: int) -> list[str]:
 def channel_units(system: System) -> Mapping[str, str]:
     """Unit of every channel of a train."""
     return {
-        f"{name}.{channel}": part.units[channel]
+        f"{name}.{channel}": part.unit(channel)
         for i, (name, part) in enumerate(zip(system.names, system.components, strict=True))
         for channel in channel_names(system, i)
     }

@@ -9,13 +9,16 @@ valid. Rows are vectors over all variables of the train (`Variables` hands them 
 equations: ``tau = self.c * v.phi_rel + self.d * v.w_rel``.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass, field, fields
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sim.errors import ParameterError, number
 
 Row = NDArray[np.float64]
 
@@ -30,7 +33,43 @@ SLIDING_NAMES: Mapping[int, str] = {
 CONTACT_NAMES: Mapping[int, str] = {-1: "contact backward", 0: "gap", 1: "contact forward"}
 
 
-class Signal(ABC):
+UNITS: Mapping[str, str] = {
+    "phi": "rad", "w": "rad/s", "a": "rad/s2", "tau": "N.m", "tauLoss": "N.m", "lossPower": "W", "power": "W",
+    "s": "m", "v": "m/s", "f": "N", "fn": "N", "mode": "1", "reference": "rad",
+}  # fmt: skip
+"""Units of channels by what they are called behind the last dot and before the first underscore."""
+
+
+class Range(NamedTuple):
+    """Unit of a number, and where it may lie."""
+
+    unit: str = ""
+    above: float = -math.inf
+    at_least: float = -math.inf
+    at_most: float = math.inf
+
+
+class Checked:
+    """A dataclass whose parameters are checked as it is made; one that is None by default may stay so.
+
+    Raises ParameterError naming class and parameter, what is right for it and what came.
+    """
+
+    ranges: ClassVar[Mapping[str, Range]] = {}
+    """Of parameters that are numbers."""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):  # type: ignore[arg-type]
+            name, value = f"{type(self).__name__}.{item.name}", getattr(self, item.name)
+            if value is None and item.default is None:
+                continue
+            if item.name in self.ranges:
+                number(name, value, **self.ranges[item.name]._asdict())
+            elif item.type is Signal and not isinstance(value, Signal):
+                raise ParameterError(f"{name}: must be a signal such as Sine or Sampled, got {value!r}")
+
+
+class Signal(Checked, ABC):
     """A function of time [s]: between its breakpoints a level plus a sine (that may die away), or a straight line."""
 
     @property
@@ -86,6 +125,11 @@ class Variables(ABC):
     @abstractmethod
     def signal(self, i: int = 0, derivative: int = 0) -> Row:
         """Signal number i of this component, or its first or second derivative by time."""
+
+    def motion(self, flange: str, support: str = "support") -> tuple[Row, Row, Row]:
+        """Angle, speed and acceleration of a flange against its support."""
+        phi, w, a = (row(flange) - row(support) for row in (self.phi, self.w, self.a))
+        return phi, w, a
 
     @property
     def phi_rel(self) -> Row:
@@ -143,20 +187,19 @@ class Start:
     value: float
 
 
-class Component(ABC):
+class Component(Checked, ABC):
     """A part of a drive train: frozen, named and parameterised as in Modelica.Mechanics.Rotational."""
 
     flanges: ClassVar[tuple[str, ...]] = ("flange_a", "flange_b")
     grounded: ClassVar[tuple[str, ...]] = ()
     """Flanges that are the ground when nothing is connected to them."""
-    units: ClassVar[Mapping[str, str]] = {}
-    """Unit of every channel."""
+    units: ClassVar[Mapping[str, str]] = UNITS
+    """Units of its channels, by their names as in `UNITS`."""
     mode_names: ClassVar[Mapping[int, str]] = SLIDING_NAMES
-
-    @property
-    def affine(self) -> bool:
-        """Whether every branch is affine, so that the exact engine can have it."""
-        return True
+    affine: ClassVar[bool] = True
+    """Whether every branch is affine, so that the exact engine can have it."""
+    unknowns: ClassVar[int] = 0
+    """How many unknown torques the branches speak of, those of `kinematics` first."""
 
     @property
     def loses_torque(self) -> bool:
@@ -169,14 +212,13 @@ class Component(ABC):
         return 0.0
 
     @property
-    def unknowns(self) -> int:
-        """How many unknown torques the branches speak of, those of `kinematics` first."""
-        return 0
-
-    @property
     def signals(self) -> tuple[Signal, ...]:
-        """Signals that drive the component."""
-        return ()
+        """Signals that drive the component: those among its parameters."""
+        return tuple(value for value in vars(self).values() if isinstance(value, Signal))
+
+    def unit(self, channel: str) -> str:
+        """Unit of a channel."""
+        return self.units[channel.rpartition(".")[2].partition("_")[0]]
 
     def kinematics(self, v: Variables) -> tuple[Row, ...]:
         """Rows of angles that are zero at all times."""
@@ -201,3 +243,34 @@ class Component(ABC):
     @abstractmethod
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         """Return all pieces of the law, the preferred ones first where two are possible."""
+
+
+class WithStarts(Component):
+    """A component with a motion of its own, the relative one of its flanges, and start values of it.
+
+    A start acceleration is refused: Modelica takes it as a guess, or to find the position or speed that makes it; here
+    positions and speeds are what is given.
+    """
+
+    start_names: ClassVar[tuple[str, str, str]] = ("phi_rel", "w_rel", "a_rel")
+    ranges: ClassVar[Mapping[str, Range]] = {"phi_rel": Range("rad"), "w_rel": Range("rad/s")}
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        position, speed, acceleration = self.start_names
+        if getattr(self, acceleration) is not None:
+            raise ParameterError(
+                f"{type(self).__name__}.{acceleration}: a start acceleration is not taken, it follows from the torques "
+                f"at the start; give {position} and {speed} instead"
+            )
+
+    def own_motion(self, v: Variables) -> tuple[Row, Row]:
+        """Angle and speed that the start values are of."""
+        return v.phi_rel, v.w_rel
+
+    def states(self, v: Variables) -> tuple[Row, ...]:
+        return self.own_motion(v)[:1]
+
+    def starts(self, v: Variables) -> tuple[Start, ...]:
+        given = ((row, getattr(self, name)) for row, name in zip(self.own_motion(v), self.start_names[:2], strict=True))
+        return tuple(Start(row, value) for row, value in given if value is not None)

@@ -1,24 +1,16 @@
-"""Components of Modelica.Mechanics.Rotational, one file each; COMPONENTS lists them all.
+"""Components of Modelica.Mechanics.Rotational, a file for each kind; COMPONENTS lists them all.
 
 Angles [rad], torques [N.m]; signs as in `sim.rotational.component`. Names and parameters are Modelica's.
 """
 
 from sim.rotational.component import Component
-from sim.rotational.components.bearing_friction import BearingFriction
-from sim.rotational.components.brake import Brake
-from sim.rotational.components.clutch import Clutch, OneWayClutch
-from sim.rotational.components.damper import Damper
-from sim.rotational.components.disc import Disc
+from sim.rotational.components.compliant import Damper, Spring, SpringDamper
 from sim.rotational.components.elasto_backlash import ElastoBacklash, ElastoBacklash2
-from sim.rotational.components.fixed import Fixed
-from sim.rotational.components.gearbox import Gearbox
-from sim.rotational.components.ideal_gear import IdealGear
-from sim.rotational.components.ideal_planetary import IdealPlanetary
-from sim.rotational.components.inertia import Inertia
-from sim.rotational.components.lossy_gear import LossyGear
+from sim.rotational.components.friction import BearingFriction, Brake, Clutch, OneWayClutch
+from sim.rotational.components.ideal_gear import IdealGear, IdealGearR2T, IdealPlanetary, IdealRollingWheel
+from sim.rotational.components.inertia import Disc, Fixed, Inertia, Mass
+from sim.rotational.components.lossy_gear import Gearbox, LossyGear
 from sim.rotational.components.motion_source import Accelerate, ConstantSpeed, Move, Position, Speed
-from sim.rotational.components.relative_states import RelativeStates
-from sim.rotational.components.rotation_to_translation import IdealGearR2T, IdealRollingWheel, Mass
 from sim.rotational.components.sensors import (
     AccSensor,
     AngleSensor,
@@ -26,17 +18,19 @@ from sim.rotational.components.sensors import (
     PowerSensor,
     RelAccSensor,
     RelAngleSensor,
+    RelativeStates,
     RelSpeedSensor,
     SpeedSensor,
     TorqueSensor,
 )
 from sim.rotational.components.signals import Constant, ExpSine, Product, Pulse, Ramp, Sampled, Sine, Step
-from sim.rotational.components.speed_torque import (
+from sim.rotational.components.torque import (
+    ConstantTorque,
     LinearSpeedDependentTorque,
+    Torque,
+    Torque2,
+    TorqueStep,
 )
-from sim.rotational.components.spring import Spring
-from sim.rotational.components.spring_damper import SpringDamper
-from sim.rotational.components.torque import ConstantTorque, Torque, Torque2, TorqueStep
 
 COMPONENTS: tuple[type[Component], ...] = (
     Inertia,

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from sim.errors import ParameterError, number
+from sim.errors import ParameterError
 from sim.laws import APART, BOTH, ELASTO, ELASTO2, LIMITED, LINEAR, contact
-from sim.rotational.component import CONTACT_NAMES, Branch, Row, Variables
-from sim.rotational.components.compliant import Compliant
+from sim.rotational.component import CONTACT_NAMES, Branch, Range, Row, Variables
+from sim.rotational.components.compliant import Compliant, SpringDamper
 
 Law = Literal["linear", "elasto", "elasto2"]
 CONTACT_LAWS: Mapping[str, float] = {"linear": LINEAR, "elasto": ELASTO, "elasto2": ELASTO2}
@@ -43,15 +43,11 @@ class ElastoBacklash(Compliant):
     phi_rel0: float = 0.0
     law: Law = "elasto"
 
-    units: ClassVar[Mapping[str, str]] = {**Compliant.units, "mode": "1"}
+    ranges: ClassVar[Mapping[str, Range]] = {**SpringDamper.ranges, "b": Range("rad", at_least=0)}
     mode_names: ClassVar[Mapping[int, str]] = CONTACT_NAMES
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        number("ElastoBacklash.c", self.c, "N.m/rad", above=0)
-        number("ElastoBacklash.b", self.b, "rad", at_least=0)
-        number("ElastoBacklash.d", self.d, "N.m.s/rad", at_least=0)
-        number("ElastoBacklash.phi_rel0", self.phi_rel0, "rad")
         if self.law not in CONTACT_LAWS:
             raise ParameterError(f"ElastoBacklash.law: must be {', '.join(CONTACT_LAWS)}, got {self.law!r}")
 

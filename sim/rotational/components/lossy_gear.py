@@ -1,6 +1,8 @@
-"""LossyGear: a gear with mesh efficiency and bearing friction that rolls forward, backward, or sticks."""
+"""LossyGear: a gear with mesh efficiency and bearing friction that rolls forward, backward, or sticks.
 
-from collections.abc import Mapping
+Gearbox has no physics of its own: it connects a LossyGear and an ElastoBacklash, as Modelica's Gearbox and Gear2.
+"""
+
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -12,14 +14,15 @@ import numpy as np
 from sim.errors import ParameterError
 from sim.laws import driver_torque, turning_torque
 from sim.rotational.component import BACKWARD, FORWARD, FREE, STUCK, Branch, Component, Row, Variables
-from sim.rotational.components.ideal_gear import gear_ratio
+from sim.rotational.components.elasto_backlash import ElastoBacklash, Law
+from sim.rotational.components.ideal_gear import Gear
 from sim.rotational.components.tables import Line, SpeedTable, speed_table
 
 IDEAL = ((0.0, 1.0, 1.0, 0.0, 0.0),)
 
 
 @dataclass(frozen=True)
-class LossyGear(Component):
+class LossyGear(Gear):
     """Modelica 4.1's law of a gear with losses.
 
     phi_a = ratio phi_b, 0 = tau_b + ratio (tau_a - tauLoss); the loss depends on who drives and on the direction.
@@ -38,20 +41,10 @@ class LossyGear(Component):
     ratio: float
     lossTable: object = IDEAL
 
-    flanges: ClassVar[tuple[str, ...]] = ("flange_a", "flange_b", "support")
-    grounded: ClassVar[tuple[str, ...]] = ("support",)
-    units: ClassVar[Mapping[str, str]] = {
-        "phi_a": "rad",
-        "w_a": "rad/s",
-        "tauLoss": "N.m",
-        "flange_a.tau": "N.m",
-        "flange_b.tau": "N.m",
-        "lossPower": "W",
-        "mode": "1",
-    }
+    unknowns: ClassVar[int] = 2
 
     def __post_init__(self) -> None:
-        gear_ratio("LossyGear.ratio", self.ratio)
+        super().__post_init__()
         table = speed_table("LossyGear.lossTable", self.lossTable, 5)
         for i, row in enumerate(table.rows):
             for j in (1, 2):
@@ -71,14 +64,6 @@ class LossyGear(Component):
     @property
     def loses_torque(self) -> bool:
         return self.table.rows != IDEAL
-
-    @property
-    def unknowns(self) -> int:
-        return 2
-
-    def kinematics(self, v: Variables) -> tuple[Row, ...]:
-        a, b = (v.phi(flange) - v.phi("support") for flange in ("flange_a", "flange_b"))
-        return (a - self.ratio * b,)
 
     @cached_property
     def _lines(self) -> list[Line]:
@@ -114,7 +99,7 @@ class LossyGear(Component):
     ) -> Branch:
         tau_a, loss = v.unknown(0), v.unknown(1)
         tau_b = -self.ratio * (tau_a - loss)
-        w_a = v.w("flange_a") - v.w("support")
+        phi_a, w_a, _ = v.motion("flange_a")
         return Branch(
             torques={"flange_a": tau_a, "flange_b": tau_b, "support": -tau_a - tau_b},
             equations=(equation,),
@@ -123,7 +108,7 @@ class LossyGear(Component):
             stops=stops,
             mode=mode,
             channels={
-                "phi_a": v.phi("flange_a") - v.phi("support"),
+                "phi_a": phi_a,
                 "w_a": w_a,
                 "tauLoss": loss,
                 "flange_a.tau": tau_a,
@@ -135,7 +120,7 @@ class LossyGear(Component):
     def _rolling(self, v: Variables, direction: int, driver: int, line: Line) -> Branch:
         """Flange_a drives (eta_mf1), or flange_b (eta_mf2); the torque at flange_a tells which."""
         tau_a, loss = v.unknown(0), v.unknown(1)
-        turns = direction * (v.w("flange_a") - v.w("support"))
+        turns = direction * v.motion("flange_a")[1]
         eta1, eta2 = line.levels[:2].tolist()
         bf1, bf2 = (line.levels[i] * v.one + line.slopes[i] * turns for i in (2, 3))
         share, bearing = _lost(eta1, eta2, driver > 0), bf1 if driver > 0 else bf2
@@ -156,7 +141,7 @@ class LossyGear(Component):
             upper_side * (tau_a - switch),
             lower_side * (-tau_a - switch),
         )
-        w_a, a_a = v.w("flange_a") - v.w("support"), v.a("flange_a") - v.a("support")
+        _, w_a, a_a = v.motion("flange_a")
         return self._branch(v, STUCK, a_a, holds, stops=(w_a,))
 
 
@@ -169,3 +154,35 @@ def _switch(eta1: float, eta2: float, bf1: Row, bf2: Row) -> Row:
     """Torque at flange_a [N.m] above which, rolling forward, flange_a drives: there both pieces meet."""
     by_first, by_second = (turning_torque(eta1, eta2, *unit) for unit in ((1.0, 0.0), (0.0, 1.0)))
     return by_first * bf1 + by_second * bf2
+
+
+@dataclass(frozen=True)
+class Gearbox:
+    """A gear with losses on the side of flange_a, then elasticity and backlash, felt at flange_b.
+
+    Parameters
+    ----------
+    ratio, lossTable
+        As of `LossyGear`.
+    c, d, b
+        Stiffness [N.m/rad], damping [N.m.s/rad], total backlash [rad], all after the reduction.
+    law
+        As of `ElastoBacklash`; `linear` gives Gear2 of Modelica 2.2.
+    """
+
+    ratio: float
+    lossTable: object = IDEAL
+    c: float = 1e5
+    d: float = 0.0
+    b: float = 0.0
+    law: Law = "elasto"
+
+    def __post_init__(self) -> None:
+        self.parts()
+
+    def parts(self) -> dict[str, Component]:
+        """Components by name, in series from flange_a to flange_b."""
+        return {
+            "lossyGear": LossyGear(self.ratio, self.lossTable),
+            "elastoBacklash": ElastoBacklash(c=self.c, d=self.d, b=self.b, law=self.law),
+        }

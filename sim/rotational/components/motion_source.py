@@ -7,10 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.errors import ParameterError, number
-from sim.rotational.component import Branch, Component, Row, Signal, Start, Variables
+from sim.errors import ParameterError
+from sim.rotational.component import Branch, Component, Range, Row, Signal, Start, Variables
 from sim.rotational.components.signals import Constant, Pulse, Sine, Step
-from sim.rotational.components.torque import is_signal
 
 BESSEL_AF, BESSEL_BF = 1.3617, 0.6180
 """Coefficients of the 2nd-order Bessel filter of Position."""
@@ -22,37 +21,20 @@ class MotionSource(Component):
 
     flanges: ClassVar[tuple[str, ...]] = ("flange", "support")
     grounded: ClassVar[tuple[str, ...]] = ("support",)
-    units: ClassVar[Mapping[str, str]] = {
-        "phi": "rad",
-        "w": "rad/s",
-        "a": "rad/s2",
-        "flange.tau": "N.m",
-    }
-
-    @property
-    def unknowns(self) -> int:
-        return 1
-
-    def phi_w_a(self, v: Variables) -> tuple[Row, Row, Row]:
-        """Angle, speed and acceleration of the flange against the support."""
-        return (
-            v.phi("flange") - v.phi("support"),
-            v.w("flange") - v.w("support"),
-            v.a("flange") - v.a("support"),
-        )
+    unknowns: ClassVar[int] = 1
 
     def acceleration(self, v: Variables) -> Row:
-        """The acceleration that the flange is given."""
-        raise NotImplementedError
+        """The acceleration that the flange is given: that of the signal, unless a subclass says else."""
+        return v.signal(0)
 
     def prescribed(self, v: Variables) -> tuple[Row, ...]:
-        return (v.phi("flange") - v.phi("support"),)
+        return v.motion("flange")[:1]
 
     def states(self, v: Variables) -> tuple[Row, ...]:
         return self.prescribed(v)
 
     def branches(self, v: Variables) -> tuple[Branch, ...]:
-        phi, w, a = self.phi_w_a(v)
+        phi, w, a = v.motion("flange")
         tau = v.unknown(0)
         return (
             Branch(
@@ -74,9 +56,10 @@ class Position(MotionSource):
     exact: bool = False
     f_crit: float = 50.0
 
+    ranges: ClassVar[Mapping[str, Range]] = {"f_crit": Range("Hz", above=0)}
+
     def __post_init__(self) -> None:
-        is_signal("Position.phi_ref", self.phi_ref)
-        number("Position.f_crit", self.f_crit, "Hz", above=0)
+        super().__post_init__()
         smooth = isinstance(self.phi_ref, Constant) or (isinstance(self.phi_ref, Sine) and self.phi_ref.startTime <= 0)
         if self.exact and not smooth:
             raise ParameterError(
@@ -84,15 +67,11 @@ class Position(MotionSource):
                 "give a Constant or a Sine from the start, or exact=False"
             )
 
-    @property
-    def signals(self) -> tuple[Signal, ...]:
-        return (self.phi_ref,)
-
     def follows(self, v: Variables) -> tuple[tuple[Row, Signal], ...]:
-        return ((self.phi_w_a(v)[0], self.phi_ref),) if self.exact else ()
+        return ((v.motion("flange")[0], self.phi_ref),) if self.exact else ()
 
     def starts(self, v: Variables) -> tuple[Start, ...]:
-        phi, w, _ = self.phi_w_a(v)
+        phi, w, _ = v.motion("flange")
         begin = self.phi_ref.pieces(np.zeros(1))[0]
         angle = Start(phi, float(begin[0] + begin[1]))
         return (angle, Start(w, float(begin[2]))) if self.exact else (angle,)
@@ -100,7 +79,7 @@ class Position(MotionSource):
     def acceleration(self, v: Variables) -> Row:
         if self.exact:
             return v.signal(0, derivative=2)
-        phi, w, _ = self.phi_w_a(v)
+        phi, w, _ = v.motion("flange")
         w_crit = 2 * math.pi * self.f_crit
         return ((v.signal(0) - phi) * w_crit - BESSEL_AF * w) * (w_crit / BESSEL_BF)
 
@@ -113,29 +92,26 @@ class Speed(MotionSource):
     exact: bool = False
     f_crit: float = 50.0
 
+    ranges: ClassVar[Mapping[str, Range]] = {"f_crit": Range("Hz", above=0)}
+
     def __post_init__(self) -> None:
-        is_signal("Speed.w_ref", self.w_ref)
-        number("Speed.f_crit", self.f_crit, "Hz", above=0)
+        super().__post_init__()
         if self.exact and isinstance(self.w_ref, Step | Pulse):
             raise ParameterError(
                 f"Speed.w_ref: a {type(self.w_ref).__name__} cannot be followed exactly; "
                 "give a signal without steps, or exact=False"
             )
 
-    @property
-    def signals(self) -> tuple[Signal, ...]:
-        return (self.w_ref,)
-
     def follows(self, v: Variables) -> tuple[tuple[Row, Signal], ...]:
-        return ((self.phi_w_a(v)[1], self.w_ref),) if self.exact else ()
+        return ((v.motion("flange")[1], self.w_ref),) if self.exact else ()
 
     def starts(self, v: Variables) -> tuple[Start, ...]:
-        return (Start(self.phi_w_a(v)[1], float(self.w_ref(np.zeros(1))[0])),)
+        return (Start(v.motion("flange")[1], float(self.w_ref(np.zeros(1))[0])),)
 
     def acceleration(self, v: Variables) -> Row:
         if self.exact:
             return v.signal(0, derivative=1)
-        return (v.signal(0) - self.phi_w_a(v)[1]) * (2 * math.pi * self.f_crit)
+        return (v.signal(0) - v.motion("flange")[1]) * (2 * math.pi * self.f_crit)
 
 
 @dataclass(frozen=True)
@@ -144,14 +120,13 @@ class ConstantSpeed(MotionSource):
 
     w_fixed: float
 
-    def __post_init__(self) -> None:
-        number("ConstantSpeed.w_fixed", self.w_fixed, "rad/s")
+    ranges: ClassVar[Mapping[str, Range]] = {"w_fixed": Range("rad/s")}
 
     def follows(self, v: Variables) -> tuple[tuple[Row, Signal], ...]:
-        return ((self.phi_w_a(v)[1], Constant(self.w_fixed)),)
+        return ((v.motion("flange")[1], Constant(self.w_fixed)),)
 
     def starts(self, v: Variables) -> tuple[Start, ...]:
-        return (Start(self.phi_w_a(v)[1], self.w_fixed),)
+        return (Start(v.motion("flange")[1], self.w_fixed),)
 
     def acceleration(self, v: Variables) -> Row:
         return 0 * v.one
@@ -165,21 +140,11 @@ class Accelerate(MotionSource):
     phi: float = 0.0
     w: float = 0.0
 
-    def __post_init__(self) -> None:
-        is_signal("Accelerate.a_ref", self.a_ref)
-        number("Accelerate.phi", self.phi, "rad")
-        number("Accelerate.w", self.w, "rad/s")
-
-    @property
-    def signals(self) -> tuple[Signal, ...]:
-        return (self.a_ref,)
+    ranges: ClassVar[Mapping[str, Range]] = {"phi": Range("rad"), "w": Range("rad/s")}
 
     def starts(self, v: Variables) -> tuple[Start, ...]:
-        phi, w, _ = self.phi_w_a(v)
+        phi, w, _ = v.motion("flange")
         return (Start(phi, self.phi), Start(w, self.w))
-
-    def acceleration(self, v: Variables) -> Row:
-        return v.signal(0)
 
 
 @dataclass(frozen=True)
@@ -193,18 +158,11 @@ class Move(MotionSource):
     w_ref: Signal
     a_ref: Signal
 
-    def __post_init__(self) -> None:
-        for name in ("phi_ref", "w_ref", "a_ref"):
-            is_signal(f"Move.{name}", getattr(self, name))
-
     @property
     def signals(self) -> tuple[Signal, ...]:
         return (self.a_ref,)
 
     def starts(self, v: Variables) -> tuple[Start, ...]:
-        phi, w, _ = self.phi_w_a(v)
+        phi, w, _ = v.motion("flange")
         begin = np.zeros(1)
         return (Start(phi, float(self.phi_ref(begin)[0])), Start(w, float(self.w_ref(begin)[0])))
-
-    def acceleration(self, v: Variables) -> Row:
-        return v.signal(0)

@@ -5,14 +5,16 @@ as three numbers: level, swing and rate; the value is level + swing, the swing o
 rate' = -omega^2 swing. So a signal is part of the linear system and needs no interpolation.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.errors import ParameterError, number
-from sim.rotational.component import Signal
+from sim.errors import ParameterError
+from sim.rotational.component import Range, Signal
 
 Array = NDArray[np.float64]
 _NONE: Array = np.empty(0)
@@ -28,8 +30,7 @@ class Constant(Signal):
 
     k: float
 
-    def __post_init__(self) -> None:
-        number("Constant.k", self.k, "")
+    ranges: ClassVar[Mapping[str, Range]] = {"k": Range()}
 
     def breakpoints(self, begin: float, end: float) -> Array:
         return _NONE
@@ -48,12 +49,10 @@ class Sine(Signal):
     offset: float = 0.0
     startTime: float = 0.0
 
-    def __post_init__(self) -> None:
-        number("Sine.amplitude", self.amplitude, "")
-        number("Sine.f", self.f, "Hz", above=0)
-        number("Sine.phase", self.phase, "rad")
-        number("Sine.offset", self.offset, "")
-        number("Sine.startTime", self.startTime, "s")
+    ranges: ClassVar[Mapping[str, Range]] = {
+        "amplitude": Range(), "f": Range("Hz", above=0), "phase": Range("rad"), "offset": Range(),
+        "startTime": Range("s"),
+    }  # fmt: skip
 
     @property
     def omega(self) -> float:
@@ -79,9 +78,7 @@ class ExpSine(Sine):
 
     damping: float = 1.0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        number("ExpSine.damping", self.damping, "1/s", at_least=0)
+    ranges: ClassVar[Mapping[str, Range]] = {**Sine.ranges, "damping": Range("1/s", at_least=0)}
 
     def pieces(self, time_s: Array) -> Array:
         out = super().pieces(time_s)
@@ -98,9 +95,7 @@ class Step(Signal):
     offset: float = 0.0
     startTime: float = 0.0
 
-    def __post_init__(self) -> None:
-        for name in ("height", "offset", "startTime"):
-            number(f"Step.{name}", getattr(self, name), "")
+    ranges: ClassVar[Mapping[str, Range]] = {"height": Range(), "offset": Range(), "startTime": Range("s")}
 
     def breakpoints(self, begin: float, end: float) -> Array:
         return _within(np.array([self.startTime]), begin, end)
@@ -118,10 +113,7 @@ class Ramp(Signal):
     offset: float = 0.0
     startTime: float = 0.0
 
-    def __post_init__(self) -> None:
-        for name in ("height", "offset", "startTime"):
-            number(f"Ramp.{name}", getattr(self, name), "")
-        number("Ramp.duration", self.duration, "s", at_least=0)
+    ranges: ClassVar[Mapping[str, Range]] = {**Step.ranges, "duration": Range("s", at_least=0)}
 
     def breakpoints(self, begin: float, end: float) -> Array:
         return _within(np.unique([self.startTime, self.startTime + self.duration]), begin, end)
@@ -145,11 +137,10 @@ class Pulse(Signal):
     offset: float = 0.0
     startTime: float = 0.0
 
-    def __post_init__(self) -> None:
-        for name in ("amplitude", "offset", "startTime"):
-            number(f"Pulse.{name}", getattr(self, name), "")
-        number("Pulse.period", self.period, "s", above=0)
-        number("Pulse.width", self.width, "%", above=0, at_most=100)
+    ranges: ClassVar[Mapping[str, Range]] = {
+        "amplitude": Range(), "offset": Range(), "startTime": Range("s"), "period": Range("s", above=0),
+        "width": Range("%", above=0, at_most=100),
+    }  # fmt: skip
 
     def breakpoints(self, begin: float, end: float) -> Array:
         first = max(0, int((begin - self.startTime) / self.period) - 1)
@@ -171,9 +162,10 @@ class Sampled(Signal):
     sample_rate_hz: float
     startTime: float = 0.0
 
+    ranges: ClassVar[Mapping[str, Range]] = {"sample_rate_hz": Range("Hz", above=0), "startTime": Range("s")}
+
     def __post_init__(self) -> None:
-        number("Sampled.sample_rate_hz", self.sample_rate_hz, "Hz", above=0)
-        number("Sampled.startTime", self.startTime, "s")
+        super().__post_init__()
         values = np.array(self.values, dtype=np.float64)
         if values.ndim != 1 or len(values) < 2:
             raise ParameterError(f"Sampled.values: must be one row of 2 or more samples, got shape {values.shape}")
