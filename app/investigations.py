@@ -20,6 +20,7 @@ from sqlalchemy.orm import Session, defer
 from app.jobs.job import JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs.jobs import Jobs
 from app.recordings.sound import read_sound
+from app.report.investigation_report import investigation_report
 from app.robots import add_robot
 from casebase.axes import add_axis, find_axis
 from casebase.description import check_name
@@ -298,7 +299,6 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
         return _investigated_together(library, row, report)
     # only a worker pays for importing what investigates
     from sim.investigation.investigate import investigate
-    from sim.investigation.report.html import html_report
     from sim.investigation.report.summary import story
 
     telemetry = _paths(library, row, "telemetry")
@@ -312,7 +312,8 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
         as_new=as_new,
     )
     files = [name for part in PARTS for name in names_of(row, part)]
-    return _plain({**found.document(), "story": story(found)}), html_report(found, files)
+    document = {**found.document(), "story": story(found)}
+    return _plain(document), investigation_report(document, found.axis, files)
 
 
 def _investigated_together(
@@ -320,14 +321,16 @@ def _investigated_together(
 ) -> tuple[dict[str, object], str]:
     from sim.investigation.pooling.joint_investigation import investigate_together
     from sim.investigation.pooling.pooled_estimates import Taken
-    from sim.investigation.report.joint_html import html_report_together, story_together
+    from sim.investigation.report.summary import parts_together, story_together
 
     telemetry = zip(names_of(row, "telemetry"), _paths(library, row, "telemetry"), strict=True)
     recordings = [Taken(name, read_telemetry(path, channels=_channels(row))) for name, path in telemetry]
     for place, sound in enumerate(_sounds(library, row, "sound")):
         recordings[place] = replace(recordings[place], sound=sound, sound_name=sound.name)
     found = investigate_together(read_axis(row.axis_document), recordings, report, _offset(row))
-    return _plain({**found.document(), "story": story_together(found)}), html_report_together(found)
+    document = {**found.document(), "story": story_together(found)}
+    files = [part.taken.name for part in found.parts]
+    return _plain(document), investigation_report(document, found.combined.axis, files, parts_together(found))
 
 
 def _investigated_robot(
@@ -335,7 +338,7 @@ def _investigated_robot(
 ) -> tuple[dict[str, object], str]:
     from sim.robot.investigation import investigate_robot
     from sim.robot.log import read_log
-    from sim.robot.report import robot_report, robot_story
+    from sim.robot.report import parts_of_robot, robot_story
 
     (urdf,) = _paths(library, row, "urdf")
     robot = kept_robot(row.axis_document, urdf.read_bytes())
@@ -345,7 +348,8 @@ def _investigated_robot(
     ]
     found = investigate_robot(robot, logs, report)
     files = [name for part in ("urdf", "telemetry") for name in names_of(row, part)]
-    return _plain({**found.document(), "story": robot_story(found)}), robot_report(found, files)
+    document = {**found.document(), "story": robot_story(found)}
+    return _plain(document), investigation_report(document, None, files, parts_of_robot(found))
 
 
 def _plain(document: Mapping[str, object]) -> dict[str, object]:

@@ -10,9 +10,10 @@ from typing import Annotated, TypeVar
 
 import typer
 
-from app.commands.axis import MEANT, METAVAR, axis_of
-from app.commands.frame import Frame, frame_of
+from app.commands import frame
+from app.commands.frame import AXIS, Json
 from app.recordings.sound import read_sound
+from app.report.investigation_report import investigation_report
 from signals.columns.table_kinds import table_kinds
 from signals.errors import SignalError
 from signals.reading.text import text_of
@@ -20,14 +21,14 @@ from signals.recording import Recording
 from signals.telemetry import Telemetry, read_telemetry
 from sim.description.axis_document import write_axis
 from sim.investigation.data.pairing import check_pairs
-from sim.investigation.investigate import Progress, investigate
+from sim.investigation.investigate import Progress
+from sim.investigation.investigate import investigate as investigate_one
 from sim.investigation.pooling.joint_investigation import investigate_together
 from sim.investigation.pooling.pooled_estimates import Taken
 from sim.investigation.report.box import unexplained_words
 from sim.investigation.report.checks import ROWS, checked
 from sim.investigation.report.formatting import angle, likely, named
-from sim.investigation.report.html import html_report
-from sim.investigation.report.joint_html import html_report_together
+from sim.investigation.report.summary import parts_together, story, story_together
 from sim.investigation.report.wording import headline
 from sim.investigation.results import Estimate, Investigation
 
@@ -35,15 +36,10 @@ Read = TypeVar("Read")
 Done = TypeVar("Done")
 
 
-def register(app: typer.Typer) -> None:
-    app.command("investigate")(run)
-
-
-def run(
-    context: typer.Context,
+def investigate(
     axis: Annotated[
         str | None,
-        typer.Option(metavar=METAVAR, help=f"{MEANT}; sound alone uses its motion.period_s"),
+        typer.Option(metavar="AXIS", help=f"{AXIS.help}; sound alone uses its motion.period_s"),
     ] = None,
     robot: Annotated[
         Path | None,
@@ -87,10 +83,9 @@ def run(
         Path | None,
         typer.Option(metavar="OUT.toml", help="the description with all that was found, for the next investigation"),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
+    json: Json = False,
 ) -> None:
     """Find what the simulation of an axis gets wrong and why, and how much an extended model improves it."""
-    frame = frame_of(context)
     if (axis is None) == (robot is None):
         raise typer.BadParameter("give --axis AXIS for one axis, or --robot ROBOT.toml for a whole robot")
     if axis is None:
@@ -99,32 +94,34 @@ def run(
             raise typer.BadParameter("--extended is of one axis; a robot's stands in its --json document")
         if sound or as_new:
             raise typer.BadParameter("sound is investigated with an axis; give --axis AXIS of the joint that is heard")
-        _of_robot(frame, robot, telemetry or [], channels, report, json=json)
+        _of_robot(robot, telemetry or [], channels, report, json=json)
         return
-    described = axis_of(frame, axis)
+    described = frame.axis_of(axis)
     check_pairs(len(telemetry or ()), len(sound or ()), len(as_new or ()), channel_map=channels is not None)
     heard, before = _sounds(sound or ()), _sounds(as_new or ())
     measured = _measured(telemetry or (), channels)
     if len(measured) > 1:
         taken = _taken(telemetry or (), measured, sound or (), heard)
-        together = _watched(frame, lambda watch: investigate_together(described, taken, watch, sound_offset))
-        result, document, page = together.combined, together.document, partial(html_report_together, together)
+        together = _watched(lambda watch: investigate_together(described, taken, watch, sound_offset))
+        result, document = together.combined, together.document()
+        parts = parts_together(together) if report else []
+        shown = story_together(together) if report else {}
+        files = [part.taken.name for part in together.parts]
         whose = [f"{part.taken.name}: " for part in together.parts for _ in part.gain]
     else:
         first = measured[0] if measured else None
-        result = _watched(frame, lambda watch: investigate(described, first, heard, watch, sound_offset, before))
+        result = _watched(lambda watch: investigate_one(described, first, heard, watch, sound_offset, before))
         files = [path.name for path in (Path(axis), *(telemetry or ()), *(sound or ()), *(as_new or ()))]
-        document, page, whose = result.document, partial(html_report, result, files), ["" for _ in result.gain]
+        document, whose = result.document(), ["" for _ in result.gain]
+        parts, shown = [], story(result) if report else {}
     if report is not None:
-        report.write_text(page(), encoding="utf-8")
+        page = investigation_report({**document, "story": shown}, described, files, parts)
+        report.write_text(page, encoding="utf-8")
         frame.say(f"report: {report}")
     if extended is not None:
         extended.write_text(write_axis(result.extended), encoding="utf-8")
         frame.say(f"extended description: {extended}")
-    if json:
-        frame.print_json(document())
-    else:
-        _show(frame, result, whose)
+    frame.answer(json, document, *_lines(result, whose))
 
 
 def _sounds(files: Sequence[Path]) -> list[Recording]:
@@ -137,7 +134,6 @@ def _measured(telemetry: Sequence[Path], channels: Path | None) -> list[Telemetr
 
 
 def _of_robot(
-    frame: Frame,
     robot: Path,
     telemetry: Sequence[Path],
     channels: Path | None,
@@ -148,21 +144,18 @@ def _of_robot(
     """Investigate all joints of a robot."""
     from sim.robot.investigation import investigate_robot
     from sim.robot.log import read_log
-    from sim.robot.report import lines, robot_report
+    from sim.robot.report import lines, parts_of_robot, robot_story
     from sim.robot.robot import read_robot
 
     described = read_robot(robot)
     map_ = None if channels is None else _read(channels, lambda path: text_of(path.read_bytes()))
     logs = [_read(path, lambda one: read_log(described, one, map_)) for path in telemetry]
-    result = _watched(frame, lambda watch: investigate_robot(described, logs, watch))
+    result = _watched(lambda watch: investigate_robot(described, logs, watch))
     if report is not None:
-        report.write_text(robot_report(result), encoding="utf-8")
+        document = {**result.document(), "story": robot_story(result)}
+        report.write_text(investigation_report(document, None, (), parts_of_robot(result)), encoding="utf-8")
         frame.say(f"report: {report}")
-    if json:
-        frame.print_json(result.document())
-        return
-    for line in lines(result):
-        frame.print(line)
+    frame.answer(json, result.document(), *lines(result))
 
 
 def _read(path: Path, read: Callable[[Path], Read]) -> Read:
@@ -185,7 +178,7 @@ def _taken(
     return taken
 
 
-def _watched(frame: Frame, work: Callable[[Progress], Done]) -> Done:
+def _watched(work: Callable[[Progress], Done]) -> Done:
     """Run with a line on stderr for every stage."""
     frame.say("thirty seconds of data take ten seconds to a minute on two cores, longer if the model misses much")
     last = ""
@@ -199,32 +192,29 @@ def _watched(frame: Frame, work: Callable[[Progress], Done]) -> Done:
     return work(watch)
 
 
-def _show(frame: Frame, result: Investigation, whose: Sequence[str]) -> None:
-    frame.print(headline(result))
+def _lines(result: Investigation, whose: Sequence[str]) -> list[str]:
+    lines = [headline(result)]
     for f in result.findings:
-        sure = likely(f.probability, calibrated=f.calibrated)
-        frame.print(f"  {named(f.mechanism, f.location)}, {sure}: {f.explanation}")
-        for e in f.parameters:
-            frame.print(f"    {e.name} = {_with_unit(e)} ({e.low:.5g} to {e.high:.5g})")
-        if f.indistinguishable_from:
-            frame.print(f"    in these data it looks the same as {' or '.join(map(named, f.indistinguishable_from))}")
-        frame.print(f"    what to do now: {f.action}")
+        alike = " or ".join(map(named, f.indistinguishable_from))
+        lines += [
+            f"  {named(f.mechanism, f.location)}, {likely(f.probability, calibrated=f.calibrated)}: {f.explanation}",
+            *(f"    {e.name} = {_with_unit(e)} ({e.low:.5g} to {e.high:.5g})" for e in f.parameters),
+            *([f"    in these data it looks the same as {alike}"] if alike else []),
+            f"    what to do now: {f.action}",
+        ]
     if result.unexplained is not None:
-        frame.print(f"  without a name: {unexplained_words(result.unexplained)}")
+        lines.append(f"  without a name: {unexplained_words(result.unexplained)}")
     for e in result.parameters:
         described = "not described" if e.nominal is None else f"described {e.nominal:.5g}"
-        frame.print(f"  {e.name}: {described}, found {_with_unit(e)} ({e.low:.5g} to {e.high:.5g})")
-    for g, recording in zip(result.gain, whose, strict=True):
-        note = "" if g.significant else " (may be chance)"
-        frame.print(
-            f"  {recording}{g.channel}: error {g.rms_before:.4g} -> {g.rms_after:.4g} {g.unit} (rms) on rows not used "
-            f"for the fit{note}"
-        )
-    if (rows := dict(checked(result)).get(ROWS)) is not None:
-        frame.print(f"  {ROWS}: {rows}")
-    for remark in result.remarks:
-        frame.print(f"  note: {remark}")
-    frame.print(result.next_measurement)
+        lines.append(f"  {e.name}: {described}, found {_with_unit(e)} ({e.low:.5g} to {e.high:.5g})")
+    lines += [
+        f"  {recording}{g.channel}: error {g.rms_before:.4g} -> {g.rms_after:.4g} {g.unit} (rms) on rows not used "
+        f"for the fit{'' if g.significant else ' (may be chance)'}"
+        for g, recording in zip(result.gain, whose, strict=True)
+    ]
+    rows = dict(checked(result)).get(ROWS)
+    lines += [] if rows is None else [f"  {ROWS}: {rows}"]
+    return [*lines, *(f"  note: {remark}" for remark in result.remarks), result.next_measurement]
 
 
 def _with_unit(e: Estimate) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.report.charts import Chart
-from app.web.story import causes_of
+from app.report.investigation_report import causes_of
 from sim.investigation.report.formatting import named
 from sim.investigation.results import SAID
 from sim.robot.results import SAYS

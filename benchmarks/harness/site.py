@@ -12,6 +12,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from app.recordings.intake import DEMO
+from app.report.investigation_report import investigation_report
 from benchmarks.harness.live import LiveServer
 from benchmarks.harness.sounds import sound
 from benchmarks.harness.telemetry_of import one_body, swing
@@ -22,7 +23,6 @@ from casebase.store.models import StoredInvestigation, new_id, now
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.investigation.investigate import investigate
-from sim.investigation.report.html import html_report
 from sim.investigation.report.summary import story
 from sim.investigation.results import Investigation
 
@@ -157,14 +157,15 @@ def investigation() -> tuple[Axis, Investigation]:
 def investigated(session: Session) -> str:
     """Keep what the investigation finds."""
     axis, result = investigation()
+    document = json.loads(json.dumps({**result.document(), "story": story(result)}))
     row = StoredInvestigation(
         id=new_id(),
         axis=axis.name,
         axis_document=axis.to_mapping(),
         inputs={},
         state="done",
-        document=json.loads(json.dumps({**result.document(), "story": story(result)})),
-        report=html_report(result),
+        document=document,
+        report=investigation_report(document, result.axis),
         created_by="test",
         finished_at=now(),
     )

@@ -1,18 +1,12 @@
-"""One HTML file of a robot: what was found, a table of all joints, then each joint's story.
-
-`robot_story` is the same for a page that draws by itself.
-"""
+"""What page, report and terminal show of a robot."""
 
 from __future__ import annotations
 
-import html
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
-from sim.investigation.report.box import FLANGE, box_of_robot, is_shown, rests_of_robot
-from sim.investigation.report.drawing import svg
-from sim.investigation.report.formatting import likely, named, number
-from sim.investigation.report.html import STYLE, drawn_box, html_report, table
-from sim.investigation.report.joint_html import FOLD, STYLES, WIDTH, body_of
+from sim.investigation.report.box import FLANGE, is_shown
+from sim.investigation.report.formatting import likely, named
+from sim.investigation.report.summary import story
 from sim.investigation.results import SAID, Finding
 from sim.mechanisms.catalogue import is_in_every_axis
 from sim.robot.joint_panels import finding_panels, joint_panels, torque_panels
@@ -70,69 +64,18 @@ def robot_story(result: RobotInvestigation) -> dict[str, object]:
     }
 
 
-def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
-    """The investigation of a robot as one HTML page that loads nothing; `files`: names of what it was made of."""
-    causes = finding_panels(result)
-    pages = [html_report(joint.investigation, (), joint_panels(result, k)) for k, joint in enumerate(result.joints)]
-    head = "".join(dict.fromkeys(style for page in pages for style in STYLES.findall(page.split("<body")[0])))
-    name = html.escape(result.robot.name)
-    stories = [
-        f"<details><summary>{html.escape(joint.name)}: {SAYS[joint.investigation.verdict]}</summary>"
-        f'<div id="joint-{place}">{body_of(page, place)}</div></details>'
-        for place, (joint, page) in enumerate(zip(result.joints, pages, strict=True), start=1)
+def parts_of_robot(result: RobotInvestigation) -> list[tuple[str, dict[str, object]]]:
+    """Each joint by itself: its title, and its document with its story, plots in the words of the joint."""
+    return [
+        (
+            f"{joint.name}: {SAYS[joint.investigation.verdict]}",
+            {**joint.investigation.document(), "story": story(joint.investigation, joint_panels(result, place))},
+        )
+        for place, joint in enumerate(result.joints)
     ]
-    document = result.document()
-    entries, rests = box_of_robot(document), rests_of_robot(document)
-    body = "\n".join(
-        [
-            drawn_box(
-                ", ".join([result.robot.name, *files]), headline(result),
-                [(entry, None if entry.finding is None else causes[entry.finding]) for entry in entries],
-                [*([("Also unexplained", rests)] if rests else []), ("Next measurement", result.next_measurement)],
-            ),
-            *(f"<p>{html.escape(remark)}</p>" for remark in result.remarks),
-            "<h2>The joints</h2>", _joints(result),
-            "<h2>Torque of each joint</h2>", f'<p class="quiet">{TORQUES}</p>',
-            '<div class="plots">', *(svg(p) for p in torque_panels(result)), "</div>",
-            "<h2>Each joint by itself</h2>", *stories,
-        ]
-    )  # fmt: skip
-    return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8">{WIDTH}<title>Investigation of {name}</title>'
-        f"<style>{STYLE}</style>{head}<style>{FOLD}</style></head><body>{body}</body></html>"
-    )
-
-
-TORQUES = (
-    "Measured, as the rigid body of the description asks for, and with all that was found; and what the last leaves. "
-    "At the joint."
-)
 
 
 def _findings(result: RobotInvestigation) -> list[tuple[str, Finding]]:
     """Where, and what; the likeliest first, friction that nearly every robot lacks last."""
     out = [(FLANGE if one.joint is None else one.place, one.finding) for one in result.findings()]
     return sorted(out, key=lambda one: is_in_every_axis(one[1].mechanism))
-
-
-def _joints(result: RobotInvestigation) -> str:
-    rows = []
-    for k, joint in enumerate(result.joints, start=1):
-        one, torque = joint.investigation, result.torque_rms_nm(k - 1)
-        said = ", ".join(named(f.mechanism) for f in one.findings if f.probability >= SAID)
-        rest = "" if one.unexplained is None else "something without a name"
-        unit = result.torque_unit(k - 1)
-        left = [
-            f"{number(torque[name])} {unit}" if name in torque else "" for name in ("measured", "rigid", "extended")
-        ]
-        rows.append((f"{k}. {joint.name}", *left, said or "nothing", rest))
-    heads = (
-        "joint",
-        "torque measured",
-        "not explained by the description",
-        "not explained with what was found",
-        "found",
-        "left over",
-    )
-    note = "Effective values at the joint; with what was found on rows that were not used for the fit."
-    return f'{table(heads, rows, (1, 2, 3))}<p class="quiet">{note}</p>'

@@ -27,6 +27,7 @@ from app.investigations import (
     submit,
 )
 from app.report.formatting import ENVIRONMENT, instant, style_sheet
+from app.report.investigation_report import Part, Shown, box_shown, panels_of
 from app.report.self_contained import self_contained
 from app.report.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
 from app.service import Reading, TheJobs, TheService
@@ -34,7 +35,7 @@ from app.web.headlines import Headlined, headlined, light
 from app.web.log_preview import log_preview, sound_preview
 from app.web.robot import joints_of, of_robot
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
-from app.web.story import Part, Shown, box_shown, panel_of, panels_of
+from app.web.story import panel_of
 from app.web.templating import render
 from casebase.axes import list_axes
 from casebase.diagnoses import get_diagnosis

@@ -51,8 +51,8 @@ def sound_panels(listened: Listening) -> tuple[list[Panel], list[Panel]]:
 
 def sound_candidates(listened: Listening) -> list[tuple[str, str]]:
     """What was weighed and not named, and why."""
-    weighed = ((name, kind_of(name).heard) for name, _ in listened.rejected)
-    return [(name, heard.left_out) for name, heard in weighed if heard]
+    weighed = ((name, kind_of(name).sound) for name, _ in listened.rejected)
+    return [(name, sound.rejected) for name, sound in weighed if sound]
 
 
 def along_path(result: Investigation) -> list[Panel]:

@@ -87,7 +87,7 @@ def _is_same(one: Document, other: Document) -> bool:
     """Of several at one place, the one whose number that tells them apart is the same within both intervals."""
     if (one["mechanism"], one["location"]) != (other["mechanism"], other["location"]):
         return False
-    told = kind_or_any(one["mechanism"]).told_by
+    told = kind_or_any(one["mechanism"]).traits.identified_by
     first, second = (next((p for p in each["parameters"] if p["name"] == told), None) for each in (one, other))
     if first is None or second is None or f"{first['value']:.3g}" == f"{second['value']:.3g}":
         return True

@@ -6,7 +6,8 @@ sorted by angle, order, speed, load, direction and time, because where it lives 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from sim import mechanisms
@@ -14,9 +15,9 @@ from sim.investigation.assessment.posterior import is_close
 from sim.investigation.estimation.estimate import Fit
 from sim.investigation.hypotheses.hypothesis import Term
 from sim.investigation.report.acoustic_panels import along_path, sound_candidates, sound_panels
-from sim.investigation.report.cause_panels import cause_panels
+from sim.investigation.report.cause_panels import cause_panel, cause_panels
 from sim.investigation.report.checks import checked
-from sim.investigation.report.formatting import named
+from sim.investigation.report.formatting import likely, named
 from sim.investigation.report.panels import Panel
 from sim.investigation.report.residual_panels import overlay_panels, residual_panels
 from sim.investigation.report.wording import headline, not_examined
@@ -25,7 +26,9 @@ from sim.investigation.search.proposals import Rival
 from sim.investigation.search.search import Selection
 
 if TYPE_CHECKING:
-    from sim.investigation.results import Investigation
+    from sim.investigation.pooling.joint_investigation import Together
+    from sim.investigation.pooling.pooled_estimates import Part
+    from sim.investigation.results import Finding, Investigation
 
 MOST_CANDIDATES = 12
 ALIKE = "In these data it looks the same as what was named."
@@ -60,22 +63,42 @@ class Candidate:
             "instead_of": self.instead_of,
             "behind": None if self.behind is None else round(self.behind, 2),
             "reason": self.reason,
+            "alike": self.reason == ALIKE,
         }
 
 
-def story(result: Investigation) -> dict[str, object]:
-    """Headline, checks, panels and candidates as JSON."""
+def story(result: Investigation, causes: Sequence[Panel | None] | None = None) -> dict[str, object]:
+    """Headline, checks, panels and candidates as JSON.
+
+    `causes`: a plot of each finding, where the caller has others than `cause_panels`.
+    """
     overlay, residual, sound = panels(result)
+    causes = cause_panels(result) if causes is None else causes
+    selection = result.selection
     return {
         "headline": headline(result),
+        "measured": "encoders" if result.encoders else "sound" if selection is None else "torque",
+        "linear": selection is not None and not result.axis.stages,
+        "load_encoder": bool(result.encoders) or (selection is not None and selection.problem.guided),
+        "misfit": None if selection is None else selection.fit.misfit / selection.fit.residual.size,
+        "found": [] if selection is None else [_taken(selection, term) for term in selection.found],
         "checked": [{"check": check, "result": told} for check, told in checked(result)],
         "not_examined": not_examined(result),
-        "causes": [{"finding": place, **panel.document()} for place, panel in enumerate(cause_panels(result)) if panel],
+        "causes": [{"finding": place, **panel.document()} for place, panel in enumerate(causes) if panel],
         "overlay": [panel.document() for panel in overlay],
         "residual": [panel.document() for panel in residual],
         "sound": [panel.document() for panel in sound],
         "candidates": [candidate.document() for candidate in candidates(result)],
     }
+
+
+def _taken(selection: Selection, term: Term) -> dict[str, object]:
+    """What a mechanism that came in explains, and what it had to."""
+    explains, needed = selection.gains[term.key], asked_for(term, selection.fit)
+    return {
+        "mechanism": term.mechanism, "location": term.location, "explains": round(explains, 1),
+        "needed": round(needed, 1),
+    }  # fmt: skip
 
 
 def panels(result: Investigation) -> tuple[list[Panel], list[Panel], list[Panel]]:
@@ -118,7 +141,7 @@ def candidates(result: Investigation) -> list[Candidate]:
 def unheard(result: Investigation) -> list[tuple[str, str]]:
     """What was listened for beside telemetry and not heard, and why."""
     named = {finding.mechanism for finding in result.findings}
-    silent = ((name, kind.heard.silent) for name, kind in mechanisms.MECHANISMS.items() if kind.heard)
+    silent = ((name, kind.sound.absent) for name, kind in mechanisms.MECHANISMS.items() if kind.sound)
     return [(name, why) for name, why in silent if why and result.sounds and name not in named]
 
 
@@ -172,3 +195,45 @@ def _form_of(selection: Selection, rival: Rival) -> str | None:
         if rival.gain < form_share(rival.term.mechanism, key.mechanism) * gain:
             return key.mechanism
     return None
+
+
+def story_together(result: Together) -> dict[str, object]:
+    """Headline, and the plots of what was found, as JSON."""
+    shown = enumerate(cause_panels_together(result))
+    return {
+        "headline": headline(result.combined),
+        "causes": [{"finding": place, **panel.document()} for place, panel in shown if panel],
+    }
+
+
+def cause_panels_together(result: Together) -> list[Panel | None]:
+    """The plot of every finding, of the recording that shows it most surely."""
+    return [_clearest(result, finding) for finding in result.combined.findings]
+
+
+def _clearest(result: Together, finding: Finding) -> Panel | None:
+    same = [
+        (one.probability, part, one)
+        for part in result.parts
+        for one in part.result.findings
+        if (one.mechanism, one.location) == (finding.mechanism, finding.location)
+    ]
+    if not same:
+        return None
+    _, part, one = max(same, key=lambda each: each[0])
+    panel = cause_panel(part.result, one)
+    return panel and replace(panel, title=f"{panel.title}, in {part.taken.name}")
+
+
+def parts_together(result: Together) -> list[tuple[str, dict[str, object]]]:
+    """Each recording by itself: its title, and its document with its story."""
+    return [(_title(part), {**part.result.document(), "story": story(part.result)}) for part in result.parts]
+
+
+def _title(part: Part) -> str:
+    sound = f" with {part.taken.sound_name}" if part.taken.sound_name else ""
+    found = ", ".join(
+        f"{named(f.mechanism, f.location)}, {likely(f.probability, calibrated=f.calibrated)}"
+        for f in part.result.findings
+    )
+    return f"{part.taken.name}{sound}: {found or headline(part.result)}"

@@ -19,7 +19,7 @@ from sim.investigation.report.maintenance_actions import SHOWN_RAD, measurement,
 from sim.investigation.results import SAID
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms.catalogue import kind_of, kind_or_any
-from sim.mechanisms.differing import Differing
+from sim.mechanisms.mechanism import Discriminating
 from sim.mechanisms.mechanism import Need
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ def next_measurement(axis: Axis, findings: Sequence[Finding], rest: Sequence[Une
     if not findings and rest:
         return telling_what_is_left(rest[0])
     blind = not load_encoder and bool(axis.stages)
-    if blind and all(kind_or_any(finding.mechanism).behind_the_motor for finding in findings):
+    if blind and all(kind_or_any(finding.mechanism).traits.behind_the_motor for finding in findings):
         return (
             "Add an encoder at the load and repeat the motion: backlash, runout and soft springs in the gear move the "
             "load against the motor, friction and weight do not."
@@ -180,8 +180,8 @@ def numbers_of(finding: Finding) -> dict[str, float]:
 
 def telling_apart(first: str, second: str, load_encoder: bool) -> str:
     """The measurement in which two mechanisms differ."""
-    one, other = kind_or_any(first).differs, kind_or_any(second).differs
-    for way in Differing:
+    one, other = kind_or_any(first).discriminated_by, kind_or_any(second).discriminated_by
+    for way in Discriminating:
         if way in (one & other if way.of_both else one | other):
             return way.value
     if not load_encoder:

@@ -1,0 +1,142 @@
+"""An investigation as its page and its report show it, made of its document alone; the report is one file."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from app.report.charts import Chart
+from app.report.formatting import ENVIRONMENT, style_sheet
+from app.report.svg import Band, Marker, Series
+from app.report.words import investigation_headline, likely_words
+from sim.description.axis import Axis
+from sim.investigation.estimation.problem import MISTAKEN
+from sim.investigation.model.nominal import DAMPING_SPREAD, LOSS_SPREAD, PAYLOAD_SPREAD, STATED_SPREAD
+from sim.investigation.report.box import (
+    Entry,
+    box_of,
+    box_of_robot,
+    is_shown,
+    rests_of_robot,
+    size_of,
+    unexplained_words,
+)
+from sim.investigation.report.panels import AS_DESCRIBED, SHOWS, style_of
+from sim.investigation.report.wording import telling_apart
+from sim.investigation.unexplained import unexplained_of
+
+Document = Mapping[str, Any]
+Part = Literal["causes", "overlay", "residual", "sound"]
+WIDTH, HEIGHT = 420.0, 240.0
+"""Of a plot of the report, so that its words can be read on a phone."""
+MOST_PLACES = 6
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An entry of the box, and the chart that shows it with its place among the causes' charts."""
+
+    entry: Entry
+    chart: Chart | None = None
+    place: int = 0
+
+    @property
+    def has_parts(self) -> bool:
+        """Whether the chart holds the torque of this one cause against the model without it."""
+        return self.chart is not None and any(one.name == AS_DESCRIBED for one in self.chart.series)
+
+
+def investigation_report(
+    document: Document,
+    axis: Axis | None,
+    files: Sequence[str] = (),
+    parts: Sequence[tuple[str, Document]] = (),
+) -> str:
+    """Return an investigation step by step as one HTML page that loads nothing.
+
+    Args:
+        document: of `Investigation`, `Together` or `RobotInvestigation`, with its `story`.
+        axis: the description it was held against; None for a robot.
+        files: names of what was measured.
+        parts: of several recordings or joints, the title and the document with its story of each.
+    """
+    context = {
+        "style": style_sheet(),
+        "document": document,
+        "axis": axis,
+        "files": files,
+        "parts": parts,
+        "box_of": lambda one, of: box_shown(one, box_of(one, of) if of else box_of_robot(one)),
+        "headline": investigation_headline,
+        "panels_of": panels_of,
+        "likely_words": likely_words,
+        "is_shown": is_shown,
+        "size_of": size_of,
+        "unexplained_words": lambda found: unexplained_words(unexplained_of(found)),
+        "rests_of_robot": rests_of_robot,
+        "telling_apart": telling_apart,
+        "highest": highest,
+        "shows": SHOWS,
+        "spreads": {"stated": STATED_SPREAD, "loss": LOSS_SPREAD, "payload": PAYLOAD_SPREAD, "damping": DAMPING_SPREAD},
+        "mistaken": MISTAKEN,
+        "size": {"width": WIDTH, "height": HEIGHT},
+    }
+    return ENVIRONMENT.get_template("investigation_report.html").render(context)
+
+
+def panels_of(document: Document, part: Part) -> list[Chart]:
+    """Return the charts of one part; none of what is at work yet."""
+    return [_chart(panel) for panel in document.get("story", {}).get(part, ())]
+
+
+def box_shown(document: Document, entries: Iterable[Entry]) -> list[Shown]:
+    """Return what a technician reads first, each with the plot that shows it as far as one was kept."""
+    shown = causes_of(document)
+    return [
+        Shown(entry, *shown[entry.finding]) if entry.finding is not None and entry.finding in shown else Shown(entry)
+        for entry in entries
+    ]
+
+
+def causes_of(document: Document) -> dict[int, tuple[Chart, int]]:
+    """Return the chart of each finding that has one, with its place among them, by the finding's place."""
+    kept = document.get("story", {}).get("causes", ())
+    return {panel["finding"]: (_chart(panel), place) for place, panel in enumerate(kept)}
+
+
+def highest(charts: Iterable[Chart]) -> list[tuple[float, str, float, str]]:
+    """Return where the last model leaves most over its noise floor: times the floor, the plot, x and its unit."""
+    found = []
+    for chart in charts:
+        last = chart.series[-1]
+        if chart.bands and chart.bands[0].low >= 0.0 and np.isfinite(last.y).any():
+            at = int(np.nanargmax(last.y))
+            unit = chart.x_label.partition("[")[2].removesuffix("]")
+            found.append((float(last.y[at]) / chart.bands[0].high, chart.title, float(last.x[at]), unit))
+    return sorted(found, reverse=True)[:MOST_PLACES]
+
+
+def _chart(panel: Document) -> Chart:
+    x = np.array(panel["x"], dtype=np.float64)
+    noise = panel["noise"]
+    return Chart(
+        panel["title"],
+        tuple(
+            Series(line["name"], x, np.array(line["y"], dtype=np.float64), style_of(line["name"], place))
+            for place, line in enumerate(panel["lines"])
+        ),
+        panel["x_label"],
+        panel["y_label"],
+        bands=(Band(panel.get("band", "noise floor"), *noise),) if noise else (),
+        markers=tuple(_markers(panel["markers"])),
+        cursor=panel["cursor"],
+    )
+
+
+def _markers(markers: Sequence[Document]) -> Iterator[Marker]:
+    """Name what several markers mean alike once, at the first of them."""
+    named: set[str] = set()
+    for marker in markers:
+        yield Marker(marker["x"], "" if marker["text"] in named else marker["text"])
+        named.add(marker["text"])
