@@ -18,7 +18,7 @@ from sim.chain.components import MeshLine, Wheel
 from sim.description.axis import Axis, Load, Motor, Stage
 from sim.description.transmission import link_damping
 from sim.errors import AxisError
-from sim.mechanisms.places import with_error
+from sim.mechanisms.locations import with_error
 from sim.rotational.drive_train import DriveTrain
 
 End = TypeVar("End", Motor, Load)

@@ -14,7 +14,7 @@ from sim.chain.model import Array
 from sim.chain.motion_profile import moving
 from sim.description.axis import Axis
 from sim.mechanisms.catalogue import distort_sound, distort_telemetry
-from sim.mechanisms.places import with_error
+from sim.mechanisms.locations import with_error
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import Trajectory
 

@@ -28,7 +28,7 @@ HEARD = (
 )  # fmt: skip
 """What sound alone can show."""
 
-WORDS: Mapping[str, str] = {kind.name: kind.heard.called for kind in HEARD if kind.heard}
+WORDS: Mapping[str, str] = {kind.name: kind.sound.name for kind in HEARD if kind.sound}
 
 NO_GEAR = "the axis has no gear"
 UNTOLD = "sound alone does not show it"

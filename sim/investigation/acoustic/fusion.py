@@ -108,7 +108,7 @@ def _left(courses: Sequence[Course], as_new: Sequence[Course], *, named: bool) -
 
 def beside_rest(heard: AcousticFinding, left: Unexplained | None) -> AcousticFinding:
     """A finding of the axis: no surer than a weak one, where something without a name is left."""
-    if left is None or kind_or_any(heard.mechanism).of_the_recording:
+    if left is None or kind_or_any(heard.mechanism).traits.of_the_recording:
         return heard
     return replace(heard, probability=min(heard.probability, WEAK))
 
@@ -158,14 +158,14 @@ def _loses_contact(h: AcousticFinding) -> bool:
 def _next(heard: Sequence[AcousticFinding], courses: Sequence[Course]) -> str:
     named = {h.mechanism for h in heard}
     for kind in FIRST_TO_MEND:
-        if kind.heard and kind.name in named:
-            return kind.heard.then
+        if kind.sound and kind.name in named:
+            return kind.sound.then
     if not any(course.repeats and len(course.cruises) >= LEAST_CRUISES for course in courses):
         return (
             "Move back and forth between the same two positions at constant speed, five times or more, and record that."
         )
-    if ElectricalHum.heard and ElectricalHum.name in named:
-        return ElectricalHum.heard.then
+    if ElectricalHum.sound and ElectricalHum.name in named:
+        return ElectricalHum.sound.then
     return (
         "Record motor torque and angle with the sound, best with an encoder at the load: most causes cannot be heard."
     )

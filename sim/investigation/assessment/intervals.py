@@ -15,7 +15,7 @@ from sim.investigation.model.parameters import Owner, Values
 from sim.investigation.results import Estimate
 from sim.investigation.search.effect_size import deviations
 from sim.mechanisms.catalogue import kind_of
-from sim.mechanisms.traits import SIZE_SHARE
+from sim.mechanisms.mechanism import SIZE_SHARE
 
 NINETY = 1.645
 INFLATION = 3.0  # of deviations, so that intervals hold on the calibration seeds

@@ -79,7 +79,7 @@ def shown_remark(axis: Axis, e: Excitation) -> str:
     said = shown(axis, e)
     fastest = highest_order(e)
     reach = f" (at the usual speed up to {fastest} times per turn of the motor)" if fastest else ""
-    of_any_order = {name for name, kind in MECHANISMS.items() if kind.told_by == "order"}
+    of_any_order = {name for name, kind in MECHANISMS.items() if kind.traits.identified_by == "order"}
     found = [named(name) + _at(places) + reach * (name in of_any_order) for name, places in said.found.items()]
     encoder = "with" if e.at_load else "without"
     out = [

@@ -31,7 +31,7 @@ from sim.investigation.search.own_noise import DECIDED, NAMES, in_own_noise, lik
 from sim.investigation.search.search import Selection
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms.catalogue import kind_of, kind_or_any
-from sim.mechanisms.traits import Law
+from sim.mechanisms.mechanism import Law
 
 UNLIKELY = 0.4  # less likely than not
 JOINTS = 6.0  # of an arm: each is another place at which a name is looked for

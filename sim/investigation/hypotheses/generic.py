@@ -42,7 +42,7 @@ INVERSIONS = 4  # of a distortion of a few percent, each to a few percent of wha
 
 def terms_of_catalogue(axis: Axis, m: Measurement) -> list[Term]:
     """A term for every mechanism, place and start of its shape, but for those that are looked for otherwise."""
-    kinds = [kind for kind in mechanisms.MECHANISMS.values() if not kind.own_hypothesis]
+    kinds = [kind for kind in mechanisms.MECHANISMS.values() if not kind.traits.own_hypothesis]
     return [term for kind in kinds for term in terms_of_kind(kind, axis, m)]
 
 
@@ -111,7 +111,7 @@ def read_too_much(axis: Axis, m: Measurement) -> Array:
     out = np.zeros(m.samples)
     for entry in axis.mechanisms:
         kind = kind_of(entry.name)
-        if not kind.beside_the_chain and issubclass(kind, Distortion):
+        if not kind.traits.beside_the_chain and issubclass(kind, Distortion):
             out += m.torque - undistorted(kind(entry.location, entry.parameters), m, axis)
     return out
 

@@ -12,7 +12,7 @@ from sim.chain.model import Chain
 from sim.investigation.data.preprocessing import Measurement
 from sim.investigation.hypotheses.traits import traits_of
 from sim.investigation.model.parameters import Parameter, Values
-from sim.mechanisms.traits import Traits
+from sim.mechanisms.mechanism import Traits
 
 Array = NDArray[np.float64]
 Apply = Callable[[Chain, Values], Chain]

@@ -126,13 +126,13 @@ def shown(axis: Axis, e: Excitation) -> Shown:
 
 def _can_be(axis: Axis, kind: type[Mechanism], place: str | None) -> bool:
     """Whether it is looked for there by telemetry: of teeth whose number is known, of springs that are there."""
-    if place in kind.unseen_at or (kind.heard and kind.heard.silent):
+    if place in kind.traits.unseen_at or (kind.sound and kind.sound.absent):
         return False
     if kind.traits.dent or kind.signature.order == "mesh":
         return bool(_teeth(axis).get(place or ""))
-    if kind.of_unknown_teeth and _teeth(axis).get(place or ""):
+    if kind.traits.of_unknown_teeth and _teeth(axis).get(place or ""):
         return False
-    return has_links(axis) or not kind.of_links
+    return has_links(axis) or not kind.traits.of_links
 
 
 def same_over_the_turn(axis: Axis, m: Measurement, mechanism: str, order: float | None) -> tuple[str, ...]:
@@ -165,6 +165,6 @@ def the_same(mechanism: str, missing: frozenset[Need]) -> tuple[str, ...]:
     ]
     kind = mechanisms.MECHANISMS.get(mechanism)
     steady = Need.SEVERAL_SPEEDS in missing and kind and kind.traits.torque_over_angle
-    in_time = [name for name, other in mechanisms.MECHANISMS.items() if other.of_the_recording and steady
+    in_time = [name for name, other in mechanisms.MECHANISMS.items() if other.traits.of_the_recording and steady
                and other.signature.domain == "frequency"]  # fmt: skip
     return tuple(dict.fromkeys(name for row in zip_longest(*classes, in_time) for name in row if name))

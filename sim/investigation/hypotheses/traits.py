@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from sim import mechanisms
 from sim.mechanisms.catalogue import kind_or_any
-from sim.mechanisms.traits import Law, Traits
+from sim.mechanisms.mechanism import Law, Traits
 
 OVER_SPEED, OVER_ANGLE = "friction_over_speed", "friction_over_angle"
 FIXED = "fixed_frequency"

@@ -12,8 +12,8 @@ from sim.investigation.model.nominal import STATED_SPREAD
 from sim.investigation.search.criterion import BEYOND
 from sim.mechanisms import Backlash, Hysteresis, TimeDelay
 from sim.mechanisms.catalogue import mechanism_of
+from sim.mechanisms.locations import meshes
 from sim.mechanisms.mechanism import Need
-from sim.mechanisms.places import meshes
 
 CLEARLY = 3.0  # times as new, which is a finding
 SPREAD = math.sqrt(2.0) * STATED_SPREAD  # of friction over stiffness

@@ -12,7 +12,7 @@ from sim.chain.model import Array, Chain, with_shaft
 from sim.description.axis import Axis
 from sim.investigation.data.preprocessing import Measurement
 from sim.mechanisms import StructuralResonance
-from sim.mechanisms.friction_asymmetry import shared_halves
+from sim.mechanisms.friction.friction_asymmetry import shared_halves
 
 Response = NDArray[np.complex128]
 

@@ -36,7 +36,9 @@ class Described:
     def by(axis: Axis) -> Described:
         """Raises SimulationError for one that cannot be had in shafts in series."""
         described = ((e, kind_of(e.name)) for e in axis.mechanisms)
-        entries = [(e, kind) for e, kind in described if not kind.beside_the_chain and issubclass(kind, Mechanics)]
+        entries = [
+            (e, kind) for e, kind in described if not kind.traits.beside_the_chain and issubclass(kind, Mechanics)
+        ]
         if not entries:
             return Described()
         train = plain_train(axis)
@@ -59,7 +61,7 @@ def in_chain(axis: Axis) -> Axis:
     """The description without what it adds beside the chain and the numbers of the measurement: a part of the load that
     swings, and distortions of the torque channel, which a simulation of the chain alone does not have."""
     kinds = ((e, kind_of(e.name)) for e in axis.mechanisms)
-    kept = (e for e, kind in kinds if kind.beside_the_chain is not issubclass(kind, Mechanics))
+    kept = (e for e, kind in kinds if kind.traits.beside_the_chain is not issubclass(kind, Mechanics))
     return replace(axis, mechanisms=tuple(kept))
 
 

@@ -115,7 +115,9 @@ def from_the_least_bent(parts: Sequence[Part]) -> list[Part]:
     """Fits that start once more from the numbers of the recording that bends the description least, where those are
     better: with gears the way to the least squares is rough, and one recording may be caught where another is not."""
     least = min(parts, key=lambda part: part.fit.prior_penalty)
-    theirs = {p.name for t in least.fit.terms if not kind_or_any(t.mechanism).of_the_recording for p in t.parameters}
+    theirs = {
+        p.name for t in least.fit.terms if not kind_or_any(t.mechanism).traits.of_the_recording for p in t.parameters
+    }
     theirs |= {p.name for p in least.fit.parameters if p.owner in (Owner.DESCRIPTION, Owner.MACHINE)}
     axis = {name: value for name, value in least.fit.values.items() if name in theirs}
     return [part if part is least or not part.fit.prior_penalty > BENT else _restarted(part, axis) for part in parts]

@@ -33,11 +33,11 @@ from sim.investigation.results import SAID, Finding, Investigation
 from sim.investigation.search.comparison import ModelComparison
 from sim.investigation.search.criterion import TEMPERATURE
 from sim.mechanisms.catalogue import kind_or_any
-from sim.mechanisms.traits import SIZE_SHARE
+from sim.mechanisms.mechanism import SIZE_SHARE
 
 
 def name_of(mechanism: str, location: str | None, numbers: Mapping[str, float]) -> Name:
-    told_by = kind_or_any(mechanism).told_by
+    told_by = kind_or_any(mechanism).traits.identified_by
     return Name(mechanism, location, numbers.get(told_by) if told_by else None)
 
 
@@ -51,7 +51,7 @@ def term_name(term: Term, values: Mapping[str, float]) -> Name:
 
 def is_own(name: Name) -> bool:
     """Whether it is of a recording and not of the axis."""
-    return kind_or_any(name.mechanism).of_the_recording
+    return kind_or_any(name.mechanism).traits.of_the_recording
 
 
 def finding_named(result: Investigation, name: Name) -> Finding | None:

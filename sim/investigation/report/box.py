@@ -302,7 +302,9 @@ def rests_of_robot(document: Document) -> str:
 
 def is_urgent(document: Document) -> bool:
     """Whether damage that grows was found, so that there is a day by which to act."""
-    return any(kind_or_any(one["mechanism"]).traits.urgent and one["probability"] >= SAID for one in document["findings"])
+    return any(
+        kind_or_any(one["mechanism"]).traits.urgent and one["probability"] >= SAID for one in document["findings"]
+    )
 
 
 def unexplained_words(rest: Unexplained) -> str:

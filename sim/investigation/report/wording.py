@@ -19,8 +19,7 @@ from sim.investigation.report.maintenance_actions import SHOWN_RAD, measurement,
 from sim.investigation.results import SAID
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms.catalogue import kind_of, kind_or_any
-from sim.mechanisms.mechanism import Discriminating
-from sim.mechanisms.mechanism import Need
+from sim.mechanisms.mechanism import Discriminating, Need
 
 if TYPE_CHECKING:
     from sim.investigation.results import Finding, Investigation

@@ -11,7 +11,7 @@ from sim.investigation.estimation.estimate import Fit
 from sim.investigation.hypotheses.hypothesis import Key, Term
 from sim.investigation.hypotheses.traits import traits_of
 from sim.investigation.search.blocked_cross_validation import BLOCKS, advantage, gain_elsewhere, paired
-from sim.mechanisms.traits import LEAST_GAIN
+from sim.mechanisms.mechanism import LEAST_GAIN
 
 BENDING = 7.0  # gain over what the description is bent by more with a term: less, and the term stands for another
 QUIET = 0.5  # of the rows: the least squares of which that is a share, where there is hardly any noise

@@ -33,8 +33,7 @@ from sim.investigation.search.residual_proposals import changed_gain, nameless_t
 from sim.investigation.search.score_test import Screened, screen
 from sim.investigation.search.tooth_scan import ToothPosition, scan
 from sim.mechanisms import MECHANISMS
-from sim.mechanisms.mechanism import Need
-from sim.mechanisms.traits import LEAST_GAIN
+from sim.mechanisms.mechanism import LEAST_GAIN, Need
 
 MOST_TRIES, FEW_TRIES = 7, 3  # starts of candidates that are fitted in one round; where time is short
 DEPTHS = (0.03, 0.1, 0.3)  # of the working twist, where a dent is looked for

@@ -34,7 +34,7 @@ from sim.investigation.hypotheses.nonparametric import (
 from sim.investigation.hypotheses.sensors import HUM_HZ, gain, hum
 from sim.investigation.search.score_test import Rest
 from sim.mechanisms.catalogue import kind_of
-from sim.mechanisms.traits import LEAST_GAIN
+from sim.mechanisms.mechanism import LEAST_GAIN
 
 LOWEST_HZ, HIGHEST_HZ = 2.0, 120.0  # above, teeth and their aliases
 MOTION = 5e-3  # of the largest power of the acceleration: below it the motion itself has ended
@@ -111,7 +111,7 @@ def waves(problem: Problem, fit: Fit) -> list[Term]:
 
     Of all that the record tells apart in the range of such a mechanism; that is its price.
     """
-    open_to_any = [kind for kind in mechanisms.MECHANISMS.values() if not kind.own_hypothesis]
+    open_to_any = [kind for kind in mechanisms.MECHANISMS.values() if not kind.traits.own_hypothesis]
     kinds = [(kind, often) for kind in open_to_any if (often := frequency_of(kind)) is not None]
     if not kinds:
         return []

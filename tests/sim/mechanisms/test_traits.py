@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from sim.mechanisms import MECHANISMS
-from sim.mechanisms.traits import Law
+from sim.mechanisms.mechanism import Law
 
 
 @pytest.mark.parametrize("law", Law)

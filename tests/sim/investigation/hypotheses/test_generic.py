@@ -29,8 +29,8 @@ from sim.investigation.hypotheses.hypothesis import Term
 from sim.investigation.investigate import investigate
 from sim.investigation.results import Investigation
 from sim.mechanisms.catalogue import with_mechanism
+from sim.mechanisms.locations import stage_names, with_error
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Parameter, Signature
-from sim.mechanisms.places import stage_names, with_error
 from sim.rotational.drive_train import DriveTrain
 
 BENCH = read_axis(
@@ -112,7 +112,7 @@ class Saturation(Measurement):
     name: ClassVar[str] = "saturation"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("bend_per_n2_m2", "1/(N2 m2)", 0.0, 1.0, 1e-5),)
     size: ClassVar[str] = "bend_per_n2_m2"
-    signature: ClassVar[Signature] = Signature("recording", grows_with="load")
+    signature: ClassVar[Signature] = Signature("recording")
     equations: ClassVar[str] = "measured = true (1 - bend true^2)"
     source: ClassVar[str] = "iron core of a current transducer"
 
@@ -267,8 +267,8 @@ def test_what_is_looked_for_in_a_way_of_its_own_is_looked_for() -> None:
     axes = (GEARED, RATIO_ALONE)
     written = {term.mechanism for axis in axes for term in all_terms_of(axis, PROBLEM.measurement, chain)}
     for kind in mechanisms.MECHANISMS.values():
-        otherwise = kind.traits.dent or kind.traits.once or kind.heard or kind.checked
-        assert not kind.own_hypothesis or otherwise or kind.name in written, (
+        otherwise = kind.traits.dent or kind.traits.once or kind.sound or kind.checked
+        assert not kind.traits.own_hypothesis or otherwise or kind.name in written, (
             f"{kind.name}: no term, leave own_hypothesis out"
         )
 

@@ -28,7 +28,7 @@ from sim.investigation.model.effects import swing
 from sim.investigation.search.residual_proposals import line_of
 from sim.investigation.search.score_test import least_squares_within
 from sim.investigation.search.search import unmasked
-from sim.mechanisms.traits import LEAST_GAIN
+from sim.mechanisms.mechanism import LEAST_GAIN
 
 
 def test_of_two_columns_that_are_alike_none_is_negative_where_it_may_not_be() -> None:

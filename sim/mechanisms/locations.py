@@ -29,9 +29,13 @@ def meshes(axis: Axis) -> tuple[str, ...]:
     return ("load",) if axis.stiffness()[0] is not None and axis.load.inertia_kg_m2 else ()
 
 
-def ends(axis: Axis) -> tuple[str, ...]:
-    """The two shafts with bearings of their own that a description knows."""
-    return ("motor", "load")
+def every_shaft(axis: Axis) -> tuple[str, ...]:
+    """The motor's shaft, those of the driven gears, the load's."""
+    return axis.locations
+
+
+ENDS = ("motor", "load")
+"""The two shafts with bearings of their own that a description knows."""
 
 
 def axis_of(train: DriveTrain) -> Axis:

@@ -1,13 +1,10 @@
 """A damaged rolling bearing: impulses at an order of its shaft that is no whole number."""
 
 import math
-from typing import ClassVar
 
 from sim.chain.components import MeshLine, TorqueRipple
-from sim.description.axis import Axis
-from sim.mechanisms.heard import Heard
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
-from sim.mechanisms.places import shaft_name, unused_name
+from sim.mechanisms.locations import every_shaft, shaft_name, unused_name
+from sim.mechanisms.mechanism import Mechanics, Parameter, Signature, SoundReport, Traits
 from sim.rotational.drive_train import DriveTrain
 
 HARMONICS = 5
@@ -19,41 +16,40 @@ class BearingDefect(Mechanics):
     Order of the outer race n / 2 (1 - d / D cos a), of the inner race n / 2 (1 + d / D cos a).
     """
 
-    name: ClassVar[str] = "bearing_defect"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "bearing_defect"
+    parameters = (
         Parameter("order", "1", 0.1, 200.0, 5.21),
         Parameter("torque_n_m", "N m", 0.0, 1e3, 0.05),
         Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
     )
-    size: ClassVar[str] = "torque_n_m"
-    signature: ClassVar[Signature] = Signature("angle", order="order")
-    equations: ClassVar[str] = "tau on the shaft = torque sum of sin(k (order theta + phase)), k = 1 to 5"
-    source: ClassVar[str] = "McFadden and Smith, J. Sound Vib. 96 (1984) 69"
-    urgent: ClassVar[bool] = True
-    action: ClassVar[str] = (
+    size = "torque_n_m"
+    locations = every_shaft
+    signature = Signature("angle", order="order")
+    equations = "tau on the shaft = torque sum of sin(k (order theta + phase)), k = 1 to 5"
+    source = "McFadden and Smith, J. Sound Vib. 96 (1984) 69"
+    action = (
         "Find the bearing whose data sheet has this order (it is per turn of the motor; for a bearing on a slower"
         " shaft multiply it by the ratio up to there) and order a new one. Listen to all bearings near the motor "
         "with a stethoscope and look for flakes in the grease. Measure again in a week, and change the bearing "
         "before the level doubles."
     )
-    check: ClassVar[str] = (
+    check = (
         "Repeat the motion at two thirds of the speed with the sound: what keeps its order is the bearing; what "
         "keeps its frequency is not."
     )
-    own_hypothesis: ClassVar[bool] = True
-    heard: ClassVar[Heard | None] = Heard(
+    sound = SoundReport(
         "bearing defect",
         (
             "Repeat the motion at two thirds of the speed: what keeps its order is the bearing; what keeps its "
             "frequency is not."
         ),
-        left_out="There are too few lines that no gear explains; a bearing makes more.",
-        silent="The sound has no impacts at an order that no gear has.",
+        rejected="There are too few lines that no gear explains; a bearing makes more.",
+        absent="The sound has no impacts at an order that no gear has.",
     )
-
-    @classmethod
-    def locations(cls, axis: Axis) -> tuple[str, ...]:
-        return axis.locations
+    traits = Traits(
+        urgent=True,
+        own_hypothesis=True,
+    )
 
     def act(self, train: DriveTrain, place: str) -> DriveTrain:
         lines = tuple(

@@ -1,45 +1,42 @@
 """Rows that a logger or a bus did not deliver."""
 
 from dataclasses import replace
-from typing import ClassVar
 
 import numpy as np
 
 from signals.telemetry import Telemetry
 from sim.description.axis import Axis
-from sim.mechanisms.heard import Heard
-from sim.mechanisms.mechanism import Measurement, Parameter, Signature
+from sim.mechanisms.mechanism import Measurement, Parameter, Signature, SoundReport, Traits, only
 
 
 class LostSamples(Measurement):
     """A share of the rows is missing, in runs of one to eight."""
 
-    name: ClassVar[str] = "lost_samples"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("fraction", "1", 0.0, 0.5, 0.01),)
-    size: ClassVar[str] = "fraction"
-    signature: ClassVar[Signature] = Signature("recording")
-    equations: ClassVar[str] = "rows are taken out at random until the share is reached"
-    source: ClassVar[str] = "overrun of a bus"
-    action: ClassVar[str] = (
+    name = "lost_samples"
+    parameters = (Parameter("fraction", "1", 0.0, 0.5, 0.01),)
+    size = "fraction"
+    locations = only(None)
+    signature = Signature("recording")
+    equations = "rows are taken out at random until the share is reached"
+    source = "overrun of a bus"
+    action = (
         "Check load of the logger, buffers and cables of the recorder, then record again; nothing is wrong with the "
         "machine."
     )
-    check: ClassVar[str] = "Repeat the same motion without gaps: what happens in the lost rows was not measured."
-    own_hypothesis: ClassVar[bool] = True
-    beside_the_chain: ClassVar[bool] = True
-    of_the_recording: ClassVar[bool] = True
-    checked: ClassVar[tuple[str, str] | None] = (
+    check = "Repeat the same motion without gaps: what happens in the lost rows was not measured."
+    checked = (
         "rows or samples missing, or held while it moves",
         "none found (less than 0.05 % of all)",
     )
-    heard: ClassVar[Heard | None] = Heard(
+    sound = SoundReport(
         "lost samples",
         "Record again with the gain lowered and without gaps: what is missing of the sound could be a fault's.",
     )
-
-    @classmethod
-    def locations(cls, axis: Axis) -> tuple[str | None, ...]:
-        return (None,)
+    traits = Traits(
+        own_hypothesis=True,
+        beside_the_chain=True,
+        of_the_recording=True,
+    )
 
     def distort(self, telemetry: Telemetry, axis: Axis, seed: int = 0) -> Telemetry:
         rows = telemetry.rows

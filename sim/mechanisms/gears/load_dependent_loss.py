@@ -1,13 +1,9 @@
 """Loss in a mesh that grows with the torque it carries."""
 
-from typing import ClassVar
-
 from sim.chain.model import with_loss
-from sim.description.axis import Axis
 from sim.errors import CompositionError
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
-from sim.mechanisms.places import stage_names
-from sim.mechanisms.traits import Law, Traits
+from sim.mechanisms.locations import stage_names
+from sim.mechanisms.mechanism import Law, Mechanics, Parameter, Signature, Traits
 from sim.rotational.components import IdealGear, LossyGear
 from sim.rotational.drive_train import DriveTrain
 
@@ -15,30 +11,25 @@ from sim.rotational.drive_train import DriveTrain
 class LoadDependentLoss(Mechanics):
     """A fraction of the torque in the mesh acts against the motion, on top of the efficiency that is described."""
 
-    name: ClassVar[str] = "load_dependent_loss"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("fraction", "1", 0.0, 0.5, 0.05),)
-    size: ClassVar[str] = "fraction"
-    signature: ClassVar[Signature] = Signature("torque", direction="opposite", grows_with="load")
-    equations: ClassVar[str] = "tau_a = tau_load (1 + fraction) when the driver drives, tau_load (1 - fraction) else"
-    source: ClassVar[str] = "LossyGear of the Modelica Standard Library 4.1 with eta = 1 / (1 + f), 1 - f"
-    sentence: ClassVar[str] = "The {where} gear pair loses {fraction:.1%} of the torque it transmits."
-    action: ClassVar[str] = (
+    name = "load_dependent_loss"
+    parameters = (Parameter("fraction", "1", 0.0, 0.5, 0.05),)
+    size = "fraction"
+    locations = stage_names
+    signature = Signature("torque", direction="opposite")
+    equations = "tau_a = tau_load (1 + fraction) when the driver drives, tau_load (1 - fraction) else"
+    source = "LossyGear of the Modelica Standard Library 4.1 with eta = 1 / (1 + f), 1 - f"
+    sentence = "The {where} gear pair loses {fraction:.1%} of the torque it transmits."
+    action = (
         "Check lubrication and contact pattern of the {where} gear pair, and enter its efficiency in the axis "
         "description. Do it at the next service."
     )
-    check: ClassVar[str] = (
-        "Repeat the motion without payload: a loss of the teeth shrinks with the torque, friction stays."
-    )
-    own_hypothesis: ClassVar[bool] = True
-    traits: ClassVar[Traits] = Traits(
+    check = "Repeat the motion without payload: a loss of the teeth shrinks with the torque, friction stays."
+    traits = Traits(
+        own_hypothesis=True,
         laws=frozenset({Law.FRICTION, Law.DISSIPATION}),
         damping=0.1,
         over_strokes=True,
     )
-
-    @classmethod
-    def locations(cls, axis: Axis) -> tuple[str, ...]:
-        return stage_names(axis)
 
     def act(self, train: DriveTrain, place: str) -> DriveTrain:
         name, fraction = f"{place}_gear", self["fraction"]

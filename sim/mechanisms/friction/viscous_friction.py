@@ -1,46 +1,40 @@
 """Friction that grows with the speed and that the description lacks."""
 
 from dataclasses import replace
-from typing import ClassVar
 
-from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
-from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
-from sim.mechanisms.traits import Traits
+from sim.mechanisms.locations import ENDS, axis_of, friction_at, with_friction
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature, Traits, only
 from sim.rotational.drive_train import DriveTrain
 
 
 class ViscousFriction(Mechanics):
     """Torque against the motion in proportion to its speed, felt at the motor whichever bearing it sits in."""
 
-    name: ClassVar[str] = "viscous_friction"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("coefficient_n_m_s_per_rad", "N m s/rad", 0.0, 1e4, 1e-3),)
-    size: ClassVar[str] = "coefficient_n_m_s_per_rad"
-    needs: ClassVar[frozenset[Need]] = frozenset({Need.SEVERAL_SPEEDS})
-    signature: ClassVar[Signature] = Signature("speed", direction="opposite", grows_with="speed")
-    equations: ClassVar[str] = "tau = coefficient w"
-    source: ClassVar[str] = "laminar lubrication: Damper of the Modelica Standard Library 4.1"
-    sentence: ClassVar[str] = (
+    name = "viscous_friction"
+    parameters = (Parameter("coefficient_n_m_s_per_rad", "N m s/rad", 0.0, 1e4, 1e-3),)
+    size = "coefficient_n_m_s_per_rad"
+    locations = only(*ENDS)
+    needs = frozenset({Need.SEVERAL_SPEEDS})
+    signature = Signature("speed", direction="opposite")
+    equations = "tau = coefficient w"
+    source = "laminar lubrication: Damper of the Modelica Standard Library 4.1"
+    sentence = (
         "Viscous friction of {coefficient_n_m_s_per_rad:.3g} N m s/rad as felt at the motor is missing from the "
         "description."
     )
-    action: ClassVar[str] = (
+    action = (
         "Nothing to repair: enter the viscous friction in the axis description. If it was lower when the axis was "
         "new, check grade and amount of grease and its temperature."
     )
-    check: ClassVar[str] = (
+    check = (
         "Move at three even speeds in both directions: viscous friction grows with the speed, dry friction stays the "
         "same."
     )
-    own_hypothesis: ClassVar[bool] = True
-    traits: ClassVar[Traits] = Traits(
+    traits = Traits(
+        own_hypothesis=True,
         least_gain=13.0,
         in_every_axis=True,
     )
-
-    @classmethod
-    def locations(cls, axis: Axis) -> tuple[str, ...]:
-        return ends(axis)
 
     def act(self, train: DriveTrain, place: str) -> DriveTrain:
         old = friction_at(train, place)

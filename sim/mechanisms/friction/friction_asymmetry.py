@@ -2,13 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar
 
-from sim.description.axis import Axis
-from sim.mechanisms.differing import Differing
-from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
-from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
-from sim.mechanisms.traits import UNLIKE, Law, Traits
+from sim.mechanisms.locations import ENDS, axis_of, friction_at, with_friction
+from sim.mechanisms.mechanism import UNLIKE, Discriminating, Law, Mechanics, Need, Parameter, Signature, Traits, only
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -18,26 +14,25 @@ class FrictionAsymmetry(Mechanics):
     Without a location: as felt at the motor, motor and load having each its share of it, as of the friction there.
     """
 
-    name: ClassVar[str] = "friction_asymmetry"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "friction_asymmetry"
+    parameters = (
         Parameter("torque_n_m", "N m", -1e4, 1e4, 0.1),
         Parameter("coefficient_n_m_s_per_rad", "N m s/rad", -1e4, 1e4, 0.0),
     )
-    size: ClassVar[str] = "torque_n_m"
-    needs: ClassVar[frozenset[Need]] = frozenset({Need.BOTH_DIRECTIONS})
-    signature: ClassVar[Signature] = Signature("speed", direction="one")
-    equations: ClassVar[str] = "tau = (tau_C +- torque) sign(w) + (d +- coefficient) w, + forward, - backward"
-    source: ClassVar[str] = (
-        "EMPS benchmark: Janot, Gautier and Brunot, Workshop on Nonlinear System Identification Benchmarks (2019)"
-    )
-    sentence: ClassVar[str] = "Friction differs between the two directions of motion: the axis runs harder one way."
-    action: ClassVar[str] = (
+    size = "torque_n_m"
+    locations = only(None, *ENDS)
+    needs = frozenset({Need.BOTH_DIRECTIONS})
+    signature = Signature("speed", direction="one")
+    equations = "tau = (tau_C +- torque) sign(w) + (d +- coefficient) w, + forward, - backward"
+    source = "EMPS benchmark: Janot, Gautier and Brunot, Workshop on Nonlinear System Identification Benchmarks (2019)"
+    sentence = "Friction differs between the two directions of motion: the axis runs harder one way."
+    action = (
         "Zero the torque channel at standstill, because an offset looks nearly the same. Then look for what drags one "
         "way only: a brake that rubs, a preloaded screw or seal, a cable or hose that pulls."
     )
-    check: ClassVar[str] = Differing.AT_REST.value
-    own_hypothesis: ClassVar[bool] = True
-    traits: ClassVar[Traits] = Traits(
+    check = Discriminating.AT_REST.value
+    traits = Traits(
+        own_hypothesis=True,
         least_gain=18.0,
         laws=frozenset({Law.FRICTION, Law.DISSIPATION, Law.OFFSET}),
         like_an_offset=True,
@@ -49,21 +44,17 @@ class FrictionAsymmetry(Mechanics):
     def sizes(cls) -> tuple[str, ...]:
         return ("torque_n_m", "coefficient_n_m_s_per_rad")
 
-    @classmethod
-    def locations(cls, axis: Axis) -> tuple[str | None, ...]:
-        return (None, *ends(axis))
-
     def act(self, train: DriveTrain, place: str) -> DriveTrain:
         axis = axis_of(train)
         if place:
             return _with(train, place, self["torque_n_m"], self["coefficient_n_m_s_per_rad"])
-        present = [friction_at(train, end) for end in ends(axis)]
-        felt = [axis.ratio_from(end) / axis.ratio for end in ends(axis)]
+        present = [friction_at(train, end) for end in ENDS]
+        felt = [axis.ratio_from(end) / axis.ratio for end in ENDS]
         halves = shared_halves(
             self["torque_n_m"], self["coefficient_n_m_s_per_rad"],
             [(old.coulomb, old.viscous) for old in present], felt,
         )  # fmt: skip
-        for end, (torque, slope) in zip(ends(axis), halves, strict=True):
+        for end, (torque, slope) in zip(ENDS, halves, strict=True):
             train = _with(train, end, torque, slope)
         return train
 

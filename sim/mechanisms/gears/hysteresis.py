@@ -1,46 +1,44 @@
 """A transmission that gives back less than it took: lost motion without a gap."""
 
 from dataclasses import replace
-from typing import ClassVar
 
 from sim.description.axis import Axis
-from sim.mechanisms.differing import Differing
-from sim.mechanisms.mechanism import SECURED, Mechanics, Need, Parameter, Signature
-from sim.mechanisms.places import gear_mesh, meshes
-from sim.mechanisms.traits import Law, Traits
+from sim.mechanisms.locations import gear_mesh, meshes
+from sim.mechanisms.mechanism import SECURED, Discriminating, Law, Mechanics, Need, Parameter, Signature, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
 class Hysteresis(Mechanics):
     """A friction torque beside the spring that builds up over a small twist."""
 
-    name: ClassVar[str] = "hysteresis"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "hysteresis"
+    parameters = (
         Parameter("torque_n_m", "N m", 0.0, 1e5, 20.0),
         Parameter("width_rad", "rad", 1e-8, 0.1, 1e-4),
     )
-    size: ClassVar[str] = "torque_n_m"
-    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.LOAD_ENCODER})
-    signature: ClassVar[Signature] = Signature("twist", direction="opposite")
-    equations: ClassVar[str] = "F = c x + d x' + z, z' = x' (torque - sign(x') z) / width"
-    source: ClassVar[str] = "Dahl, AIAA Journal 14 (1976) 1675"
-    sentence: ClassVar[str] = (
+    size = "torque_n_m"
+    locations = meshes
+    shown_by = frozenset({Need.LOAD_ENCODER})
+    signature = Signature("twist", direction="opposite")
+    equations = "F = c x + d x' + z, z' = x' (torque - sign(x') z) / width"
+    source = "Dahl, AIAA Journal 14 (1976) 1675"
+    sentence = (
         "When the twist of the {where} gear pair turns back, {torque_n_m:.3g} N m are lost: torque over twist is a "
         "loop (hysteresis)."
     )
-    action: ClassVar[str] = (
+    action = (
         f"{SECURED} check clamping and fastening of the {{where}} gear (slipping fits, loose screws) and its preload. "
         "Do it at the next stop."
     )
-    check: ClassVar[str] = (
+    check = (
         "Block the load, let the motor push slowly to and fro up to its torque limit: hysteresis shows a loop, "
         "hardening a bend, backlash a flat middle."
     )
-    behind_the_motor: ClassVar[bool] = True
-    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
-    of_links: ClassVar[bool] = True
-    own_hypothesis: ClassVar[bool] = True
-    traits: ClassVar[Traits] = Traits(
+    discriminated_by = frozenset({Discriminating.BLOCKED})
+    traits = Traits(
+        behind_the_motor=True,
+        of_links=True,
+        own_hypothesis=True,
         least_share=0.001,  # it bends to much
         over_bending=1.1,
         laws=frozenset({Law.SPRING, Law.DISSIPATION}),
@@ -52,10 +50,6 @@ class Hysteresis(Mechanics):
         """Errors of teeth whose number is not known are looked for nowhere, and a loop of the spring bends to them."""
         unknown = any(stage.name == location and stage.driven_teeth is None for stage in axis.stages)
         return ("mesh_error",) if unknown else ()
-
-    @classmethod
-    def locations(cls, axis: Axis) -> tuple[str, ...]:
-        return meshes(axis)
 
     def act(self, train: DriveTrain, place: str) -> DriveTrain:
         name, mesh = gear_mesh(train, place)

@@ -2,13 +2,9 @@
 
 import math
 from dataclasses import replace
-from typing import ClassVar
 
-from sim.description.axis import Axis
-from sim.mechanisms.heard import Heard
-from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
-from sim.mechanisms.places import inertia, shaft_name, unused_name
-from sim.mechanisms.traits import Traits
+from sim.mechanisms.locations import inertia, shaft_name, unused_name
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature, SoundReport, Traits, only
 from sim.rotational.components import Inertia, SpringDamper
 from sim.rotational.drive_train import DriveTrain
 
@@ -16,49 +12,46 @@ from sim.rotational.drive_train import DriveTrain
 class StructuralResonance(Mechanics):
     """A share of the load's inertia hangs on a spring; its frequency is that with the rest of the load held."""
 
-    name: ClassVar[str] = "structural_resonance"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "structural_resonance"
+    parameters = (
         Parameter("frequency_hz", "Hz", 0.1, 1000.0, 20.0),
         Parameter("share", "1", 0.0, 0.9, 0.1),
         Parameter("damping_ratio", "1", 0.0, 1.0, 0.02),
     )
-    size: ClassVar[str] = "share"
-    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.LOAD_ENCODER})
-    signature: ClassVar[Signature] = Signature("frequency")
-    equations: ClassVar[str] = "share J (a_s) = -c x - d x', c = share J (2 pi f)^2, d = 2 zeta share J 2 pi f"
-    source: ClassVar[str] = "dynamic vibration absorber: Den Hartog, Mechanical Vibrations (1956), chapter 3"
-    sentence: ClassVar[str] = (
+    size = "share"
+    locations = only("load")
+    shown_by = frozenset({Need.LOAD_ENCODER})
+    signature = Signature("frequency")
+    equations = "share J (a_s) = -c x - d x', c = share J (2 pi f)^2, d = 2 zeta share J 2 pi f"
+    source = "dynamic vibration absorber: Den Hartog, Mechanical Vibrations (1956), chapter 3"
+    sentence = (
         "Part of the load, {share:.0%} of its inertia, swings on its own at {frequency_hz:.3g} Hz: an arm, a tool or "
         "the stand is soft or loose."
     )
-    action: ClassVar[str] = (
+    action = (
         "Tighten arm, tool, covers and stand, and tap them: find the part that rings at {frequency_hz:.4g} Hz. Until "
         "then avoid motions that excite it."
     )
-    check: ClassVar[str] = (
+    check = (
         "Tap the arm at standstill and record the sound or the load encoder: a soft part rings at the same frequency "
         "without any motion."
     )
-    behind_the_motor: ClassVar[bool] = True
-    of_links: ClassVar[bool] = True
-    own_hypothesis: ClassVar[bool] = True
-    beside_the_chain: ClassVar[bool] = True
-    heard: ClassVar[Heard | None] = Heard(
+    sound = SoundReport(
         "resonance",
         "Tap covers, pipes, arm and stand at standstill and record that: the part that is loose rings at the same "
         "pitch without any motion.",
-        left_out="No frequency has grown since the axis was new by more than others have fallen.",
+        rejected="No frequency has grown since the axis was new by more than others have fallen.",
     )
-    traits: ClassVar[Traits] = Traits(
+    traits = Traits(
+        behind_the_motor=True,
+        of_links=True,
+        own_hypothesis=True,
+        beside_the_chain=True,
         least_share=0.003,  # it bends to much
         form_left=0.2,  # it is driven by the load as it was measured, noise and all
         shakes_load=True,
         like_noise=True,
     )
-
-    @classmethod
-    def locations(cls, axis: Axis) -> tuple[str, ...]:
-        return ("load",)
 
     def act(self, train: DriveTrain, place: str) -> DriveTrain:
         name = shaft_name(train, "load")
