@@ -1,4 +1,4 @@
-"""The command `gearcase`: one module per verb in `app.commands`, imported when its verb is called."""
+"""The command `gearcase`: the verbs of `app.commands`, each imported when it is called."""
 
 import json
 import sys
@@ -9,39 +9,37 @@ from typing import Annotated
 
 import typer
 
-from app.commands.exit_codes import DONE, FAILURE
+from app.commands import DATA_DIR, DONE, FAILURE
 
 COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("serve", "app.commands.serve", "Serve the API and the pages."),
     ("worker", "app.commands.worker", "Run jobs; start as many workers as you like."),
     ("keys", "app.commands.keys", "Make, list and revoke keys."),
     ("diagnose", "app.commands.diagnose", "Diagnose recordings against the local library."),
-    ("retrieve", "app.commands.retrieve", "Find the nearest cases of a recording; nothing is stored."),
-    ("watch", "app.commands.watch", "Send each new recording of a folder to a service."),
+    ("retrieve", "app.commands.diagnose", "Find the nearest cases of a recording; nothing is stored."),
+    ("watch", "app.commands.record", "Send each new recording of a folder to a service."),
     ("record", "app.commands.record", "Record with a microphone, check it, send it."),
     ("smoke", "app.commands.smoke", "Check a service that runs: the main job, step by step."),
-    ("size", "app.commands.size", "Say how large backlash (play) or tooth damage (notch) is."),
+    ("size", "app.commands.sound", "Say how large backlash (play) or tooth damage (notch) is."),
     ("cases", "app.commands.cases", "Add, list, export and import cases."),
     ("axes", "app.commands.axes", "List, show, add and change axes."),
     ("recordings", "app.commands.recordings", "Erase the audio of recordings."),
     ("generate", "app.commands.generate", "Generate cases by simulation."),
-    ("fit", "app.commands.fit", "Fit the simulated sound to normal recordings of an axis."),
-    ("compare", "app.commands.compare", "Say what the simulated sound of an axis gets wrong."),
-    ("starter", "app.commands.starter", "Fill an empty library with cases of the paper's axis."),
+    ("fit", "app.commands.sound", "Fit the simulated sound to normal recordings of an axis."),
+    ("compare", "app.commands.sound", "Say what the simulated sound of an axis gets wrong."),
+    ("starter", "app.commands.generate", "Fill an empty library with cases of the paper's axis."),
     ("jobs", "app.commands.jobs", "List, follow, cancel, resume and adopt jobs."),
     ("simulate", "app.commands.simulate", "Simulate an axis: telemetry and sound."),
     ("investigate", "app.commands.investigate", "Say what the simulation of an axis gets wrong."),
-    ("evaluate", "app.commands.evaluate", "Cross-validate the library over its gearboxes."),
-    ("backup", "app.commands.backup", "Write everything into a folder, with checksums."),
-    ("restore", "app.commands.restore", "Bring a backup back into an empty data directory."),
-    ("doctor", "app.commands.doctor", "Check this installation and say what to do."),
+    ("evaluate", "app.commands.cases", "Cross-validate the library over its gearboxes."),
+    ("backup", "app.commands.installation", "Write everything into a folder, with checksums."),
+    ("restore", "app.commands.installation", "Bring a backup back into an empty data directory."),
+    ("doctor", "app.commands.installation", "Check this installation and say what to do."),
 )
-"""Verb, module with `register(app)`, one line of help. A new verb is one line here."""
+"""Verb, the module where a function or a group of commands has its name, one line of help."""
 
 
-DATA_DIR, JSON = "--data-dir", "--json"
-
-
+DATA_DIR_OPTION, JSON = "--data-dir", "--json"
 EPILOG = "Exit codes: 0 done, 1 failure, 2 usage or bad input, 3 fault found with --fail-on fault."
 
 
@@ -81,9 +79,9 @@ def data_dir_first(arguments: list[str]) -> list[str]:
     for word in words:
         if word == "--":
             rest += [word, *words]
-        elif word == DATA_DIR:
+        elif word == DATA_DIR_OPTION:
             front = [word, *([value] if (value := next(words, None)) is not None else [])]
-        elif word.startswith(DATA_DIR + "="):
+        elif word.startswith(DATA_DIR_OPTION + "="):
             front = [word]
         else:
             rest.append(word)
@@ -99,7 +97,7 @@ def json_last(arguments: list[str]) -> list[str]:
 
 def verb_of(arguments: list[str]) -> str | None:
     """Return the first word that is no global option."""
-    skip = 2 if arguments[:1] == [DATA_DIR] else 0
+    skip = 2 if arguments[:1] == [DATA_DIR_OPTION] else 0
     return next((word for word in arguments[skip:] if not word.startswith("-")), None)
 
 
@@ -115,10 +113,14 @@ def build(verb: str | None) -> typer.Typer:
     )
     app.callback()(options)
     for name, module, words in COMMANDS:
-        if name == verb:
-            import_module(module).register(app)
-        else:
+        if name != verb:
             app.command(name, help=words)(_elsewhere)
+            continue
+        found = getattr(import_module(module), name)
+        if isinstance(found, typer.Typer):
+            app.add_typer(found, name=name)
+        else:
+            app.command(name)(found)
     return app
 
 
@@ -131,7 +133,6 @@ def _print_version(wanted: bool) -> None:
 
 
 def options(
-    context: typer.Context,
     data_dir: Annotated[
         Path | None,
         typer.Option(
@@ -142,7 +143,7 @@ def options(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="print the version and end")
     ] = False,
 ) -> None:
-    context.obj = data_dir
+    DATA_DIR.set(data_dir)
 
 
 def _elsewhere() -> None:

@@ -23,7 +23,7 @@ from app.http.security import Operator, Viewer
 from app.http.uploads import TheUpload, multipart_body
 from app.recordings.intake import take_in
 from app.recordings.metadata import RecordingMetadata, read_metadata
-from app.report.diagnosis_view import diagnosis_html, view_of
+from app.report.diagnosis_view import diagnosis_html
 from app.report.self_contained import self_contained
 from app.service import Reading, TheService
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
@@ -101,7 +101,7 @@ def report(_: Viewer, session: Reading, service: TheService, diagnosis_id: Ident
     answer = DiagnosisAnswer.of(row)
     if chosen(request.headers.get("accept"), (HTML, JSON)) == JSON:
         return Response(answer.model_dump_json(), media_type=JSON, headers={"Vary": "Accept"})
-    page = diagnosis_html(view_of(session, service, row), service.settings.time_zone)
+    page = diagnosis_html(session, service, row)
     return self_contained(page, Vary="Accept")
 
 

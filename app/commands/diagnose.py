@@ -1,46 +1,42 @@
-"""`gearcase diagnose FILE...`: one entry per file, failures included."""
+"""`gearcase diagnose FILE...`, one entry per file, failures included; `gearcase retrieve FILE`, nothing stored."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
-from app.commands.axis import MEANT as AXIS_MEANT
-from app.commands.axis import METAVAR, axis_of
-from app.commands.exit_codes import BAD_INPUT, DONE, FAULT_FOUND
+from app.commands import BAD_INPUT, DONE, FAULT_FOUND, frame
 from app.commands.faults import sentence
-from app.commands.frame import ACTOR, Frame, Steady, frame_of
+from app.commands.frame import ACTOR, AXIS, Channel, Gearbox, Json, Payload, Period, Speed, Steady
 from app.commands.sounds import MEANT, Sound, sounds
 from app.documents import DiagnosisAnswer
-from app.recordings.intake import media_type_of, take_in
+from app.recordings.intake import decoded, hear, media_type_of, take_in
 from app.recordings.metadata import RecordingMetadata
+from app.recordings.neighbours import MOST_NEIGHBOURS, NeighbourAnswer, NeighbourQuery, neighbours_of
 from app.report.formatting import sentence as sentence_of
 from app.report.words import is_poor, names_fault, remarks_beside, verdict_of
 from casebase.labels import BASELINES
 from casebase.library import CaseLibrary
 from signals.errors import SignalError
+from signals.features import feature_words
 from sim.description.axis import Axis
 
-
-def register(app: typer.Typer) -> None:
-    app.command("diagnose")(diagnose)
+SHOWN_FEATURES = 3
 
 
 def diagnose(
-    context: typer.Context,
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help=MEANT)],
-    axis: Annotated[str | None, typer.Option(metavar=METAVAR, help=AXIS_MEANT)] = None,
-    speed: Annotated[float | None, typer.Option(help="largest speed of the output [rad/s]")] = None,
-    payload: Annotated[float | None, typer.Option(help="inertia carried by the output [kg m2]")] = None,
-    period: Annotated[float | None, typer.Option(help="one full cycle of the motion [s]")] = None,
+    axis: Annotated[str | None, AXIS] = None,
+    speed: Speed = None,
+    payload: Payload = None,
+    period: Period = None,
     steady: Steady = None,
-    gearbox: Annotated[str | None, typer.Option(help="serial number of the gearbox")] = None,
-    channel: Annotated[int | None, typer.Option(help="channel to use, from 0")] = None,
+    gearbox: Gearbox = None,
+    channel: Channel = None,
     fail_on: Annotated[Literal["fault"] | None, typer.Option(help="end with 3 if a fault is found")] = None,
-    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
+    json: Json = False,
 ) -> None:
     """Diagnose recordings against the local library."""
-    frame = frame_of(context)
     metadata = RecordingMetadata(
         speed_rad_s=speed,
         payload_kg_m2=payload,
@@ -49,19 +45,11 @@ def diagnose(
         gearbox=gearbox,
         channel=channel,
     )
-    described = axis_of(frame, axis) if axis else None
-    entries = []
-    with (
-        frame.library() as library,
-        frame.progress() as progress,
-        sounds(files, frame.settings.upload_bytes) as found,
-    ):
-        for sound in progress.track(found, description="diagnosing"):
-            entries.append(_entry(library, sound, metadata, described))
-    if json:
-        frame.print_json(entries)
-    else:
-        _show(frame, entries)
+    described = frame.axis_of(axis) if axis else None
+    limit = frame.settings().upload_bytes
+    with frame.library() as library, frame.progress() as progress, sounds(files, limit) as found:
+        entries = [_entry(library, one, metadata, described) for one in progress.track(found, description="diagnosing")]
+    frame.answer(json, entries, *(line for entry in entries for line in _lines(entry)))
     raise typer.Exit(_code(entries, fail_on))
 
 
@@ -98,23 +86,88 @@ def _first(entry: dict[str, Any]) -> list[str]:
     return [*short, *entry["remarks"]] if limited else []
 
 
-def _show(frame: Frame, entries: list[dict[str, Any]]) -> None:
-    for entry in entries:
-        if "error" in entry:
-            frame.print(f"{entry['file']}: failed: {entry['error']}")
-            continue
-        words, first = verdict_of(entry), _first(entry)
-        if first:
-            frame.print(f"{entry['file']}: {' '.join(map(sentence_of, first))}")
-            told = list(words.told) == entry["remarks"]
-            frame.print(f"  {words.headline}.{'' if told else f' {words.summary}'}")
-        else:
-            frame.print(f"{entry['file']}: {words.headline}. {words.summary}")
-        for flag in entry["quality"]:
-            if flag["reason"] not in first:
-                frame.print(f"  {flag['severity']}, {flag['name'].replace('_', ' ')}: {flag['reason']}")
-        for remark in remarks_beside(entry):
-            if remark not in first:
-                frame.print(f"  note: {remark}")
-        if is_poor(entry):
-            frame.print(f"  next: {words.checks[0]}")
+def _lines(entry: dict[str, Any]) -> list[str]:
+    if "error" in entry:
+        return [f"{entry['file']}: failed: {entry['error']}"]
+    words, first = verdict_of(entry), _first(entry)
+    if first:
+        summary = "" if list(words.told) == entry["remarks"] else f" {words.summary}"
+        lines = [f"{entry['file']}: {' '.join(map(sentence_of, first))}", f"  {words.headline}.{summary}"]
+    else:
+        lines = [f"{entry['file']}: {words.headline}. {words.summary}"]
+    lines += [
+        f"  {flag['severity']}, {flag['name'].replace('_', ' ')}: {flag['reason']}"
+        for flag in entry["quality"]
+        if flag["reason"] not in first
+    ]
+    lines += [f"  note: {remark}" for remark in remarks_beside(entry) if remark not in first]
+    return [*lines, f"  next: {words.checks[0]}"] if is_poor(entry) else lines
+
+
+def retrieve(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="sound file: WAV, FLAC, phone formats")],
+    k: Annotated[int, typer.Option("--k", min=1, max=MOST_NEIGHBOURS, metavar="N", help="how many cases")] = 5,
+    representation: Annotated[
+        Literal["full", "paper"], typer.Option(help="all features, or FFT bands and crest factors as in the paper")
+    ] = "full",
+    weight: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="of a feature, or of all whose names begin so; may come again"),
+    ] = None,
+    label: Annotated[
+        list[str] | None, typer.Option(metavar="LABEL", help="only cases with this label; may come again")
+    ] = None,
+    origin: Annotated[Literal["measured", "simulated"] | None, typer.Option(help="only such cases")] = None,
+    of_axis: Annotated[list[str] | None, typer.Option(metavar="NAME", help="only cases of this axis")] = None,
+    of_gearbox: Annotated[list[str] | None, typer.Option(metavar="NAME", help="only cases of this gearbox")] = None,
+    axis: Annotated[str | None, AXIS] = None,
+    speed: Speed = None,
+    payload: Payload = None,
+    period: Period = None,
+    steady: Steady = None,
+    channel: Channel = None,
+    json: Json = False,
+) -> None:
+    """Find the cases of the local library that are nearest to a recording, and why they are near.
+
+    Nothing is stored. --axis, --speed, --payload, --period and --steady say how the recording was taken; --label,
+    --origin, --of-axis and --of-gearbox which cases may be found.
+    """
+    query = NeighbourQuery.model_validate(
+        {
+            "k": k,
+            "representation": representation,
+            "weights": dict(_weight(each) for each in weight or ()),
+            "label": label or None,
+            "origin": origin,
+            "axis": of_axis or None,
+            "gearbox": of_gearbox or None,
+        }
+    )
+    metadata = RecordingMetadata(
+        speed_rad_s=speed, payload_kg_m2=payload, motion_period_s=period, steady=steady, channel=channel
+    )
+    described = frame.axis_of(axis) if axis else None
+    recording = decoded(file, metadata, described)
+    with frame.library() as library:
+        heard = hear(library, recording, file.name, media_type_of(file.name), metadata, described)
+        found = neighbours_of(library, heard, query)
+    rows = [
+        (str(rank), one.label, one.origin, one.gearbox or "-", f"{one.distance:.3f}", _differences(one))
+        for rank, one in enumerate(found.neighbours, 1)
+    ]
+    columns = ("rank", "label", "origin", "gearbox", "distance", "differs most in")
+    nearest = [frame.table(columns, rows)] if rows else []
+    frame.answer(json, found.model_dump(mode="json"), *nearest, *found.remarks)
+
+
+def _weight(given: str) -> tuple[str, str]:
+    name, equals, value = given.rpartition("=")
+    if not equals:
+        raise typer.BadParameter(f"--weight {given}: write NAME=VALUE, such as crest_factor=2")
+    return name, value
+
+
+def _differences(neighbour: NeighbourAnswer) -> str:
+    first = list(neighbour.contributions.items())[:SHOWN_FEATURES]
+    return "; ".join(f"{feature_words(name)} {part.share:.0%}" for name, part in first)

@@ -4,7 +4,7 @@ from fastapi_problem.error import StatusProblem
 from pydantic import ValidationError
 from sqlalchemy.exc import OperationalError
 
-from app.commands.exit_codes import BAD_INPUT, FAILURE
+from app.commands import BAD_INPUT, FAILURE
 from app.jobs.job import JobError, JobFailedError
 from app.recordings.microphone import MicrophoneError
 from app.recordings.remote import RemoteError, UnreachableError

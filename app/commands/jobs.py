@@ -1,113 +1,97 @@
-"""`gearcase jobs list | show | follow | cancel | resume | adopt`."""
-
-from __future__ import annotations
+"""`gearcase jobs list | show | follow | cancel | resume | workers | adopt`."""
 
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from app.api.jobs import JobDocument
-from app.commands.exit_codes import DONE, FAILURE
-from app.commands.frame import Frame, frame_of
+from app.commands import DONE, FAILURE, frame
+from app.commands.frame import Json
 from app.jobs.job import Job
-from app.jobs.kinds import open_jobs
+from app.jobs.jobs import open_jobs
 
 jobs = typer.Typer(help="List, follow, cancel, resume and adopt jobs.", no_args_is_help=True)
 Id = Annotated[str, typer.Argument(metavar="JOB", help="id of the job")]
-AsJson = Annotated[bool, typer.Option("--json", help="one JSON document on stdout")]
-
-
-def register(app: typer.Typer) -> None:
-    app.add_typer(jobs, name="jobs")
 
 
 @jobs.command("list")
-def list_jobs(context: typer.Context, json: AsJson = False) -> None:
+def list_jobs(json: Json = False) -> None:
     """List the newest jobs."""
-    frame = frame_of(context)
-    with open_jobs(frame.settings) as opened:
+    with open_jobs(frame.settings()) as opened:
         found = opened.list()
-    if json:
-        frame.print_json([_document(job) for job in found])
-        return
-    table = Table("job", "kind", "state", "stage", "done", "worker", "since")
-    for job in found:
-        done = f"{job.progress.fraction:.0%}"
-        since = f"{job.created_at:%Y-%m-%d %H:%M:%SZ}"
-        table.add_row(job.id, job.kind, job.state, job.progress.stage, done, job.worker or "", since)
-    frame.results.print(table)
+    rows = [
+        (
+            job.id,
+            job.kind,
+            job.state,
+            job.progress.stage,
+            f"{job.progress.fraction:.0%}",
+            job.worker or "",
+            f"{job.created_at:%Y-%m-%d %H:%M:%SZ}",
+        )
+        for job in found
+    ]
+    columns = ("job", "kind", "state", "stage", "done", "worker", "since")
+    frame.answer(json, [_document(job) for job in found], frame.table(columns, rows))
 
 
 @jobs.command()
-def show(context: typer.Context, job: Id, json: AsJson = True) -> None:
+def show(job: Id, json: Json = True) -> None:
     """Show one job as JSON."""
-    frame = frame_of(context)
-    with open_jobs(frame.settings) as opened:
+    with open_jobs(frame.settings()) as opened:
         frame.print_json(_document(opened.get(job)))
 
 
 @jobs.command()
-def follow(context: typer.Context, job: Id, json: AsJson = False) -> None:
+def follow(job: Id, json: Json = False) -> None:
     """Follow a job to its end.
 
     The exit code is 0 if it is done, else 1.
     """
-    frame = frame_of(context)
-    with open_jobs(frame.settings) as opened, frame.progress() as progress:
+    with open_jobs(frame.settings()) as opened, frame.progress() as progress:
         bar = progress.add_task("queued", total=1.0)
         for event in opened.events(job):
-            if event is not None:
-                progress.update(bar, completed=event.progress.fraction, description=event.progress.stage)
+            progress.update(bar, completed=event.progress.fraction, description=event.progress.stage)
         ended = opened.get(job)
-    _tell(frame, ended, json)
+    _tell(ended, json)
     raise typer.Exit(DONE if ended.state == "done" else FAILURE)
 
 
 @jobs.command()
-def cancel(context: typer.Context, job: Id, json: AsJson = False) -> None:
+def cancel(job: Id, json: Json = False) -> None:
     """Stop a job.
 
     What is done of it stays, and it can be resumed.
     """
-    frame = frame_of(context)
-    with open_jobs(frame.settings) as opened:
-        _tell(frame, opened.cancel(job), json)
+    with open_jobs(frame.settings()) as opened:
+        _tell(opened.cancel(job), json)
 
 
 @jobs.command()
-def resume(context: typer.Context, job: Id, json: AsJson = False) -> None:
+def resume(job: Id, json: Json = False) -> None:
     """Go on with a cancelled job."""
-    frame = frame_of(context)
-    with open_jobs(frame.settings) as opened:
-        _tell(frame, opened.resume(job), json)
+    with open_jobs(frame.settings()) as opened:
+        _tell(opened.resume(job), json)
 
 
 @jobs.command()
-def workers(context: typer.Context, json: AsJson = False) -> None:
+def workers(json: Json = False) -> None:
     """List the workers that have jobs or tasks."""
-    frame = frame_of(context)
-    with open_jobs(frame.settings) as opened:
+    with open_jobs(frame.settings()) as opened:
         held = opened.workers()
-    if json:
-        frame.print_json(held)
-        return
-    for name, count in sorted(held.items()):
-        frame.print(f"{name}\t{count}")
+    frame.answer(json, held, *(f"{name}\t{count}" for name, count in sorted(held.items())))
 
 
 @jobs.command()
 def adopt(
-    context: typer.Context,
     worker: Annotated[str, typer.Argument(metavar="WORKER", help="as `jobs workers` names it")],
-    json: AsJson = False,
+    json: Json = False,
 ) -> None:
     """Give the jobs of a dead worker to others now.
 
     Without this they take over 15 s after its last sign of life.
     """
-    frame = frame_of(context)
-    with open_jobs(frame.settings) as opened:
+    with open_jobs(frame.settings()) as opened:
         count = opened.adopt(worker)
     if json:
         frame.print_json({"worker": worker, "adopted": count})
@@ -119,7 +103,7 @@ def _document(job: Job) -> dict[str, object]:
     return JobDocument.of(job).model_dump(mode="json")
 
 
-def _tell(frame: Frame, job: Job, json: bool) -> None:
+def _tell(job: Job, json: bool) -> None:
     if json:
         frame.print_json(_document(job))
         return

@@ -4,7 +4,8 @@ from typing import Annotated
 
 import typer
 
-from app.commands.frame import ACTOR, Json, frame_of
+from app.commands import frame
+from app.commands.frame import ACTOR, Json
 from app.documents import ErasedAnswer
 from app.recordings.retention import erase_old
 from casebase.errors import InvalidRequestError
@@ -15,13 +16,8 @@ Yes = Annotated[bool, typer.Option("--yes", help="do not ask")]
 LOST = "The sound and its plots are gone for good. Features, diagnoses and cases stay. Older backups still hold it."
 
 
-def register(app: typer.Typer) -> None:
-    app.add_typer(recordings, name="recordings")
-
-
 @recordings.command()
 def erase(
-    context: typer.Context,
     ids: Annotated[list[str], typer.Argument(metavar="ID...", help="ids of recordings")],
     yes: Yes = False,
     json: Json = False,
@@ -30,24 +26,20 @@ def erase(
 
     All of them or none. Features, diagnoses, cases and the audit log stay.
     """
-    frame = frame_of(context)
     _confirm(yes, json, f"Erase the audio of {len(ids)} recordings? {LOST}")
     with frame.library() as library, library.transaction(ACTOR) as session:
         done = [erase_audio(library, session, each) for each in ids]
-    if json:
-        frame.print_json([ErasedAnswer.model_validate(one).model_dump(mode="json") for one in done])
-        return
+    lines = []
     for one in done:
-        frame.print(f"{one.id}: erased")
-        for other in sorted(set(one.recordings) - {one.id}):
-            frame.print(f"{other}: erased too, for it has the same file")
-        for other in one.same_sound:
-            frame.say(f"{other} is of the same sound in another file; its audio is still here")
+        also = sorted(set(one.recordings) - {one.id})
+        lines += [f"{one.id}: erased", *(f"{other}: erased too, for it has the same file" for other in also)]
+    frame.answer(json, [ErasedAnswer.model_validate(one).model_dump(mode="json") for one in done], *lines)
+    for other in () if json else (other for one in done for other in one.same_sound):
+        frame.say(f"{other} is of the same sound in another file; its audio is still here")
 
 
 @recordings.command()
 def expire(
-    context: typer.Context,
     days: Annotated[
         int | None, typer.Option(min=1, help="how long audio is kept [GEARCASE_RETAIN_AUDIO_DAYS]", show_default=False)
     ] = None,
@@ -58,17 +50,13 @@ def expire(
 
     That is the audio of recordings that are no cases and are older than so many days.
     """
-    frame = frame_of(context)
-    days = days or frame.settings.retain_audio_days
+    days = days or frame.settings().retain_audio_days
     if days is None:
         raise InvalidRequestError("say how long audio is kept: --days N, or set GEARCASE_RETAIN_AUDIO_DAYS")
     _confirm(yes, json, f"Erase the audio of all recordings that are no cases and older than {days} days? {LOST}")
     with frame.library() as library:
         gone = erase_old(library, days, ACTOR)
-    if json:
-        frame.print_json({"days": days, "erased": gone})
-    else:
-        frame.print(f"{len(gone)} recordings erased")
+    frame.answer(json, {"days": days, "erased": gone}, f"{len(gone)} recordings erased")
 
 
 def _confirm(yes: bool, json: bool, question: str) -> None:

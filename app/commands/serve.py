@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 import uvicorn
 
-from app.commands.frame import ACTOR, Frame, frame_of
+from app.commands.frame import ACTOR, settings
 from app.commands.worker import LogFolder, worker_child
 from app.http.connections import BACKLOG, Wants, protocol_of
 from app.http.keys import Role, create_key, list_keys
@@ -27,12 +27,7 @@ STOPPING_S = 4
 """Requests under way are given so long; the service ends within 5 s, who runs containers kills after 10."""
 
 
-def register(app: typer.Typer) -> None:
-    app.command("serve")(serve)
-
-
 def serve(
-    context: typer.Context,
     host: Annotated[str, typer.Option(help="address to listen on")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any that is free")] = 8000,
     worker: Annotated[bool, typer.Option(help="run a worker for jobs beside the service")] = True,
@@ -43,23 +38,23 @@ def serve(
 ) -> None:
     """Serve the API and the pages; prints the address to open and, on the first start, the admin key."""
     with _listen(host, port) as listening:
-        _serve(frame_of(context), listening, worker=worker, proxies=proxies, log_folder=log_folder)
+        _serve(listening, worker=worker, proxies=proxies, log_folder=log_folder)
     leave(again=False)
 
 
-def _serve(frame: Frame, listening: socket.socket, *, worker: bool, proxies: str, log_folder: Path | None) -> None:
-    service = Service.open(frame.settings, Metrics())
+def _serve(listening: socket.socket, *, worker: bool, proxies: str, log_folder: Path | None) -> None:
+    service = Service.open(settings(), Metrics())
     try:
         faults = faults_of(service.library.engine)
         if faults:
             raise DamagedError(f"the database is damaged ({faults[0]}). {RESTORE}")
         service.tidy()
-        cut_logs(frame.settings.data_dir)
+        cut_logs(settings().data_dir)
         first = _first_key(service)
         configure_logs("service", log_folder)
         config = uvicorn.Config(
             create_app(service=service),
-            http=protocol_of(frame.settings),
+            http=protocol_of(settings()),
             backlog=BACKLOG,
             access_log=False,
             log_config=None,
@@ -71,8 +66,8 @@ def _serve(frame: Frame, listening: socket.socket, *, worker: bool, proxies: str
         )
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, _stopped)
-        with worker_child(frame.settings, service.stopping, log_folder) if worker else nullcontext():
-            Announced(config, frame, service, first, log_folder).run(sockets=[listening])
+        with worker_child(settings(), service.stopping, log_folder) if worker else nullcontext():
+            Announced(config, service, first, log_folder).run(sockets=[listening])
     finally:
         service.close()
 
@@ -85,10 +80,10 @@ class Announced(uvicorn.Server):
     """A server that says where it is once it is there."""
 
     def __init__(
-        self, config: uvicorn.Config, frame: Frame, service: Service, first_key: str | None, log_folder: Path | None
+        self, config: uvicorn.Config, service: Service, first_key: str | None, log_folder: Path | None
     ) -> None:
         super().__init__(config)
-        self._frame, self._service, self._first_key, self._log_folder = frame, service, first_key, log_folder
+        self._service, self._first_key, self._log_folder = service, first_key, log_folder
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._service.stopping.set()
@@ -106,7 +101,7 @@ class Announced(uvicorn.Server):
             print(f"Admin key, shown this once: {self._first_key}")
         host, port = sockets[0].getsockname()[:2]
         shown = f"[{host}]" if ":" in host else host
-        print(f"Open http://{shown}:{port}{self._frame.settings.root_path}/")
+        print(f"Open http://{shown}:{port}{self._service.settings.root_path}/")
         print(f"Log: {self._log_folder or 'stderr'}. Ctrl-C ends the service.")
         print(RULE, flush=True)
 

@@ -16,8 +16,8 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from app.commands.axis import MEANT, METAVAR, axis_of
-from app.commands.frame import Frame, frame_of
+from app.commands import frame
+from app.commands.frame import AXIS, Json
 from app.simulated.simulation_files import write_events, write_sound, write_table, write_telemetry
 from sim.errors import ParameterError, near_match
 
@@ -43,7 +43,6 @@ class Wanted:
 class Run:
     """What every run is told: how long [s], and where its files go."""
 
-    frame: Frame
     duration: float
     out: Path
     parquet: bool
@@ -55,7 +54,7 @@ class Run:
     def watched(self, run: Callable[[NDArray[np.float64]], Result]) -> Result:
         """Run in a thread and show how far it is; the compiled engine works without the interpreter's lock."""
         watch = np.zeros(1)
-        with self.frame.progress() as progress, ThreadPoolExecutor(1) as beside:
+        with frame.progress() as progress, ThreadPoolExecutor(1) as beside:
             task = progress.add_task(f"simulating {self.duration:g} s", total=1.0)
             running = beside.submit(run, watch)
             while wait([running], timeout=0.1).not_done:
@@ -63,14 +62,9 @@ class Run:
         return running.result()
 
 
-def register(app: typer.Typer) -> None:
-    app.command("simulate")(simulate)
-
-
 def simulate(
-    context: typer.Context,
     out: Annotated[Path, typer.Option(metavar="DIR", help="where the results are written")],
-    axis: Annotated[str | None, typer.Option(metavar=METAVAR, help=MEANT)] = None,
+    axis: Annotated[str | None, AXIS] = None,
     train: Annotated[
         Path | None, typer.Option(metavar="TRAIN.toml", help="instead: components and connections by Modelica's names")
     ] = None,
@@ -85,26 +79,21 @@ def simulate(
     seed: Annotated[int, typer.Option(help="of all noise of an axis: the same seed gives the same files")] = 0,
     rate: Annotated[float, typer.Option(metavar="HZ", help="samples per second of a train's result")] = RATE_HZ,
     parquet: Annotated[bool, typer.Option("--parquet", help="a Parquet file instead of CSV")] = False,
-    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
+    json: Json = False,
 ) -> None:
     """Simulate an axis along its motion, its telemetry at 2 kHz and its sound at 8 kHz; or any drive train."""
-    frame = frame_of(context)
     if train is None and axis is not None:
-        run = Run(frame, duration, out, parquet)
+        run = Run(duration, out, parquet)
         document = simulate_axis(run, axis, read_mechanisms(mechanism or [], settings or []), seed)
         lines = axis_lines(document)
     elif axis is None and train is not None:
         if mechanism or settings:
             raise ParameterError("--mechanism and --set go with --axis")
-        document = simulate_train(Run(frame, duration, out, parquet), train, rate)
+        document = simulate_train(Run(duration, out, parquet), train, rate)
         lines = train_lines(document)
     else:
         raise ParameterError("give --axis or --train, one of them")
-    if json:
-        frame.print_json(document)
-        return
-    for line in [*lines, *document["files"]]:
-        frame.print(line)
+    frame.answer(json, document, *lines, *document["files"])
 
 
 def simulate_axis(run: Run, given: str, wanted: list[Wanted], seed: int) -> dict[str, Any]:
@@ -114,7 +103,7 @@ def simulate_axis(run: Run, given: str, wanted: list[Wanted], seed: int) -> dict
     from sim.mechanisms import MECHANISMS
     from sim.mechanisms.catalogue import with_mechanism
 
-    described = axis_of(run.frame, given)
+    described = frame.axis_of(given)
     for one in wanted:
         described = with_mechanism(described, MECHANISMS[one.name](one.location, one.values))
     trajectory = run.watched(lambda watch: moved(described, run.duration, watch))

@@ -12,20 +12,15 @@ from uuid import uuid4
 import httpx
 import typer
 
-from app.commands.exit_codes import DONE, FAILURE
-from app.commands.frame import Frame, Json, frame_of
+from app.commands import DONE, FAILURE, frame
+from app.commands.frame import Json
 
 API = "api/v1"
 ANSWER_S, AGAIN_S = 60.0, 0.2
 AXIS = {"motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 40.0}}
 
 
-def register(app: typer.Typer) -> None:
-    app.command("smoke")(smoke)
-
-
 def smoke(
-    context: typer.Context,
     url: Annotated[str, typer.Argument(metavar="URL", help="address of the service, such as http://127.0.0.1:8000")],
     key: Annotated[
         str, typer.Option(envvar="GEARCASE_KEY", help="key with the role admin; given by the variable, nobody sees it")
@@ -41,7 +36,6 @@ def smoke(
     Whatever fails, what was made is cleared away: diagnosis rejected, case retired, audio erased, axis removed. What
     stays: rows of both recordings without their audio, of the case and of the diagnosis, and the audit.
     """
-    frame = frame_of(context)
     key = key.strip()
     if not (key and key.isascii() and key.isprintable()):
         raise typer.BadParameter("give a key with the role admin: set GEARCASE_KEY; `gearcase keys create` makes one")
@@ -49,7 +43,7 @@ def smoke(
         raise typer.BadParameter(f"{url!r} is no address of a service; one is http://127.0.0.1:8000")
     with httpx.Client(base_url=url, headers={"Authorization": f"Bearer {key}"}, timeout=ANSWER_S) as client:
         _wait(client, wait)
-        check = Check(client, None if json else frame)
+        check = Check(client, silent=json)
         with suppress(StepFailedError), ExitStack() as undo:
             _check(check, undo)
     good = all(step.problem is None for step in check.steps)
@@ -90,10 +84,10 @@ class Step:
 
 @dataclass
 class Check:
-    """The steps that were taken at a service; each is told to a person where there is a frame."""
+    """The steps that were taken at a service; each is told to a person unless all is silent."""
 
     client: httpx.Client
-    frame: Frame | None
+    silent: bool
     steps: list[Step] = field(default_factory=list)
 
     @contextmanager
@@ -111,8 +105,8 @@ class Check:
             problem = f"{self.client.base_url} {why}; give the address that `gearcase serve` prints"
         step = Step(what, round(1e3 * (monotonic() - began), 1), problem)
         self.steps.append(step)
-        if self.frame is not None:
-            self.frame.print(f"FAILED {what}: {problem}" if problem else f"ok  {what}  {step.ms:.0f} ms")
+        if not self.silent:
+            frame.show(f"FAILED {what}: {problem}" if problem else f"ok  {what}  {step.ms:.0f} ms")
         if problem:
             raise StepFailedError(problem)
 

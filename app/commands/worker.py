@@ -16,8 +16,8 @@ import structlog
 import typer
 from sqlalchemy.exc import OperationalError
 
-from app.commands.frame import Frame, frame_of
-from app.jobs.kinds import job_kinds
+from app.commands import frame
+from app.jobs.jobs import job_kinds
 from app.logs import configure_logs
 from app.process import leave, stop_on_signals
 from app.settings import Settings
@@ -35,11 +35,7 @@ ATTEMPTS, APART_S = 30, 2.0
 AGAIN_S = 5.0
 
 
-def register(app: typer.Typer) -> None:
-    app.command("worker")(worker)
-
-
-def worker(context: typer.Context, name: Name = None, parent: Parent = None, log_folder: LogFolder = None) -> None:
+def worker(name: Name = None, parent: Parent = None, log_folder: LogFolder = None) -> None:
     """Run jobs until stopped; what is unfinished then goes back into the queue.
 
     What a worker had in hand that died, or is cut off, is taken over by the others, on whatever machine, when they have
@@ -47,17 +43,16 @@ def worker(context: typer.Context, name: Name = None, parent: Parent = None, log
     """
     from app.jobs.runner import run_worker
 
-    frame: Frame = frame_of(context)
     configure_logs("worker", log_folder)
     stop = stop_on_signals()
-    library = _opened(frame.settings, stop)
+    library = _opened(frame.settings(), stop)
     lost = run_worker(
         library,
         job_kinds(library),
         name or socket.gethostname(),
         stop=stop,
         parent=parent,
-        lease_s=frame.settings.lease_s,
+        lease_s=frame.settings().lease_s,
     )
     leave(again=lost)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from app.recordings import views
 from app.report.disturbed import stretches
-from app.report.svg import Axis, Band, Marker, Series, Stretch, line_chart, polar_chart
+from app.report.svg import Band, Marker, Series, Stretch, line_chart, polar_chart
 from signals.analysis import ANALYSIS_RATE_HZ, Analysis
 from signals.band import Band as SignalBand
 from signals.recording import Recording
@@ -32,7 +32,6 @@ class Chart:
     markers: tuple[Marker, ...] = ()
     events: tuple[float, ...] = ()
     stretches: tuple[Stretch, ...] = ()
-    y_range: tuple[float, float] | None = None
     cursor: str = ""
 
     def svg(self, width: float = 640.0, height: float = 220.0) -> Markup:
@@ -40,8 +39,8 @@ class Chart:
         return line_chart(
             self.title,
             self.series,
-            Axis(self.x_label),
-            Axis(self.y_label, self.y_range),
+            self.x_label,
+            self.y_label,
             bands=self.bands,
             markers=self.markers,
             events=self.events,

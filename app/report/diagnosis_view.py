@@ -2,8 +2,7 @@
 
 import base64
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,15 +12,21 @@ from sqlalchemy.orm import Session
 
 from app.report import charts as draw
 from app.report.charts import Chart
-from app.report.disturbed import Flag, flags_of, left_out_words, marked
-from app.report.evidence import Evidence, evidence_of
-from app.report.features import features_of, read_together
-from app.report.formatting import ENVIRONMENT, instant, quantity, style_sheet
-from app.report.recorded import decoded, event_times, order_markers, spectrogram_png, strongest_events, surveyed
+from app.report.disturbed import flags_of, left_out_words, marked
+from app.report.formatting import ENVIRONMENT, instant, percent, quantity, sentence, style_sheet
+from app.report.recorded import (
+    decoded,
+    event_times,
+    features_of,
+    order_markers,
+    read_together,
+    spectrogram_png,
+    strongest_events,
+    surveyed,
+)
 from app.report.standing_words import earlier_words
 from app.report.trend import chart_of
 from app.report.words import (
-    Verdict,
     certainty,
     fault_words,
     listed,
@@ -40,7 +45,7 @@ from casebase.labels import BASELINES
 from casebase.reasoning.trend import Trend, trend_of
 from casebase.store.models import Case, StoredDiagnosis, StoredRecording
 from signals.crest import root_mean_square
-from signals.recording import Recording
+from signals.features import catalogue, feature_words
 from signals.recording_quality.disturbances import Survey
 from sim.description.axis_document import read_axis
 from sim.experiment.design_of_experiments import LABELS
@@ -51,104 +56,67 @@ PEAKS = 400
 SHOWN_PARTS = 8
 
 
-@dataclass(frozen=True)
-class Neighbour:
-    """One of the nearest cases: contributions are (feature, part of the distance, share of it), largest first."""
-
-    case_id: str
-    label: str
-    origin: str
-    distance: float
-    gearbox: str | None
-    recording_id: str | None
-    rms: float
-    contributions: tuple[tuple[str, float, float], ...]
-
-
-@dataclass(frozen=True)
-class DiagnosisView:
-    """What is shown of a diagnosis; charts and sound are absent where the audio was erased."""
-
-    diagnosis: StoredDiagnosis
-    recording: StoredRecording
-    verdict: Verdict
-    facts: tuple[tuple[str, object, str], ...]
-    quality: tuple[Flag, ...]
-    spectrogram: Callable[[], bytes | None]
-    """Draws it as PNG; None where the audio was erased."""
-    marked: str
-    neighbours: tuple[Neighbour, ...]
-    evidence: Evidence
-    charts: SimpleNamespace
-    polar: Markup | None
-    trend: Chart | None
-    earlier: str
-    rms: float
-    peaks: str
-    sound: Recording | None
-
-    def context(self) -> dict[str, object]:
-        """Return it for a template."""
-        document: Mapping[str, Any] = self.diagnosis.document
-        return {
-            "diagnosis": self.diagnosis,
-            "recording": self.recording,
-            "verdict": self.verdict,
-            "facts": self.facts,
-            "quality": [flag for flag in self.quality if not flag.only_left_out],
-            "left_out": left_out_words(self.quality),
-            "marked": self.marked,
-            "usable": document["verdict"] != "unusable",
-            "audible": self.sound is not None and document["verdict"] != "unusable",
-            "neighbours": self.neighbours,
-            "evidence": self.evidence,
-            "remarks": remarks_beside(document),
-            "charts": self.charts,
-            "polar": self.polar,
-            "phase": phase_of(document),
-            "trend": self.trend,
-            "earlier": self.earlier,
-            "rms": self.rms,
-            "peaks": self.peaks,
-            "outside": outside_of(document),
-            "provenance": [(k.replace("_", " "), v) for k, v in document["provenance"].items()],
-        }
+PLOTS = (
+    ("crest_factor", "crest"),
+    ("kurtosis_low", "crest"),
+    ("rms", "level"),
+    ("peak", "level"),
+    ("band_level", "spectrum"),
+    ("mesh", "spectrum"),
+    ("modulation", "spectrogram"),
+    ("spectral_kurtosis", "spectrogram"),
+    ("motion_period", "waveform"),
+    ("repetition", "waveform"),
+    ("impulse_rate", "waveform"),
+    ("strongest_impulse", "waveform"),
+    ("", "fold"),
+)
+"""Where a quantity can be seen, by the beginning of its name; bumps and phases in the folded sound."""
+TITLES = {
+    "crest": "Crest factor",
+    "level": "RMS and peak",
+    "spectrum": "Spectrum",
+    "spectrogram": "Spectrogram",
+    "waveform": "Waveform",
+    "fold": "Strokes laid over each other",
+}
 
 
-def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders: bool = False) -> DiagnosisView:
-    """Gather a diagnosis with its plots."""
+def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders: bool = False) -> dict[str, Any]:
+    """Return what the page and the report of a diagnosis show; charts and sound are absent where it was erased."""
     document: Mapping[str, Any] = row.document
     sound = None if row.recording.erased_at is not None else decoded(service, row.recording)
     found = None if sound is None else surveyed(sound, row.recording)
+    usable = document["verdict"] != "unusable"
     drawn, polar, peaks = (SimpleNamespace(), None, ()) if found is None else _drawn(session, row, found, orders)
     history, trend = history_of(session, service, row.recording)
-    return DiagnosisView(
-        diagnosis=row,
-        recording=row.recording,
-        verdict=verdict_of(document),
-        facts=(
-            *facts_of(document, as_new_of_label(session, row.recording.axis, row.label, document["severity"])),
-            *([analysed(found)] if found and document["verdict"] != "unusable" else ()),
-        ),
-        quality=flags_of(document["quality"], row.recording.duration_s),
-        spectrogram=lambda: None if sound is None else spectrogram_png(service, row.recording),
-        marked=marked(found) if found else "",
-        neighbours=tuple(_neighbours(session, document["neighbours"])),
-        evidence=evidence_of(
-            document,
-            {name for name, chart in vars(drawn).items() if chart is not None},
-            strongest_events(session, row.recording),
-        ),
-        charts=drawn,
-        polar=polar,
-        trend=trend_chart(row, history, trend),
-        earlier=earlier_fault(row, history, service.settings.time_zone),
-        rms=features_of(session, row.recording.id).get("rms") or 0.0
-        if sound is None
-        else root_mean_square(sound.samples),
-        peaks="[" + ",".join(f"{v:.4g}" for v in peaks) + "]",
-        sound=sound,
-    )
+    flags = flags_of(document["quality"], row.recording.duration_s)
+    as_new = as_new_of_label(session, row.recording.axis, row.label, document["severity"])
+    stored_rms = features_of(session, row.recording.id).get("rms") or 0.0
+    shown = {name for name, chart in vars(drawn).items() if chart is not None}
+    return {
+        "diagnosis": row,
+        "recording": row.recording,
+        "verdict": verdict_of(document),
+        "facts": [*facts_of(document, as_new), *([analysed(found)] if found and usable else ())],
+        "quality": [flag for flag in flags if not flag.only_left_out],
+        "left_out": left_out_words(flags),
+        "marked": marked(found) if found else "",
+        "usable": usable,
+        "audible": sound is not None and usable,
+        "neighbours": _neighbours(session, document["neighbours"]),
+        "evidence": evidence_of(document, shown, strongest_events(session, row.recording)),
+        "remarks": remarks_beside(document),
+        "charts": drawn,
+        "polar": polar,
+        "phase": phase_of(document),
+        "trend": trend_chart(row, history, trend),
+        "earlier": earlier_fault(row, history, service.settings.time_zone),
+        "rms": stored_rms if sound is None else root_mean_square(sound.samples),
+        "peaks": "[" + ",".join(f"{v:.4g}" for v in peaks) + "]",
+        "outside": outside_of(document),
+        "provenance": [(k.replace("_", " "), v) for k, v in document["provenance"].items()],
+    }
 
 
 def _drawn(
@@ -251,7 +219,8 @@ def analysed(found: Survey) -> tuple[str, object, str]:
     return "Analysed", f"{machine.start_s:.1f} to {machine.end_s:.1f} s", cycles
 
 
-def _neighbours(session: Session, entries: Sequence[Mapping[str, Any]]) -> list[Neighbour]:
+def _neighbours(session: Session, entries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the nearest cases; contributions are (feature, part of the distance, share of it), largest first."""
     ids = [entry["case_id"] for entry in entries]
     cases = {case.id: case for case in session.scalars(select(Case).where(Case.id.in_(ids)))} if ids else {}
     read_together(session, [case.recording_id for case in cases.values()])
@@ -260,18 +229,14 @@ def _neighbours(session: Session, entries: Sequence[Mapping[str, Any]]) -> list[
         case = cases.get(entry["case_id"])
         parts = sorted(entry["contributions"].items(), key=lambda item: -item[1])
         total = entry["distance"] or 1.0
-        rms = features_of(session, case.recording_id).get("rms") if case else None
         found.append(
-            Neighbour(
-                case_id=entry["case_id"],
-                label=entry["label"],
-                origin=entry["origin"],
-                distance=entry["distance"],
-                gearbox=case.recording.gearbox if case else None,
-                recording_id=case.recording_id if case else None,
-                rms=rms or 0.0,
-                contributions=tuple((name, part, part / total) for name, part in _largest(parts)),
-            )
+            {
+                **entry,
+                "gearbox": case.recording.gearbox if case else None,
+                "recording_id": case.recording_id if case else None,
+                "rms": (features_of(session, case.recording_id).get("rms") if case else None) or 0.0,
+                "contributions": [(name, part, part / total) for name, part in _largest(parts)],
+            }
         )
     return found
 
@@ -310,12 +275,53 @@ def earlier_fault(row: StoredDiagnosis, history: History | None, zone: str) -> s
     return "" if fault is None else earlier_words(fault, zone)
 
 
-def diagnosis_html(view: DiagnosisView, zone: str) -> str:
+def evidence_of(
+    document: Mapping[str, Any], drawn: Collection[str], strongest: Mapping[str, float]
+) -> dict[str, list[dict[str, Any]]]:
+    """Return the evidence of a diagnosis: features that were compared, and what was heard, each with its plot.
+
+    Args:
+        drawn: names of the plots on the page; only these (and the spectrogram) are led to.
+        strongest: when the strongest event of each kind happens [s].
+    """
+    compared, seen = [], []
+    for item in document["evidence"]:
+        name, unit = item["quantity"], item["unit"]
+        plot = next(plot for beginning, plot in PLOTS if name.startswith(beginning))
+        led = plot in drawn or (plot == "spectrogram" and drawn)
+        place = {"plot": plot if led else None, "title": TITLES[plot]}
+        if item["kind"] == "feature":
+            known = catalogue().get(name)
+            compared.append(
+                {
+                    "name": feature_words(name),
+                    "physics": known.physics if known else "",
+                    "here": quantity(item["value"], unit),
+                    "sides": [_side(side, unit) for side in (item["same"], item["other"]) if side],
+                    "share": percent(item["share"]),
+                    **place,
+                }
+            )
+        else:
+            at_s = strongest.get(name.removesuffix("_phase"))
+            seen.append({"sentence": sentence(item["statement"]), "at_s": at_s, **place})
+    return {"compared": compared, "seen": seen}
+
+
+def _side(side: Mapping[str, Any], unit: str) -> tuple[str, Markup]:
+    if "low" in side:
+        span = Markup("{} to {}").format(quantity(side["low"]), quantity(side["high"], unit))
+        return f"usual of {side['label']}", span
+    return f"nearest {side['label']} case, {side['origin']}", quantity(side["value"], unit)
+
+
+def diagnosis_html(session: Session, service: Service, row: StoredDiagnosis) -> str:
     """Return the report as one HTML file: no script, no address, plots as SVG."""
+    image = b"" if row.recording.erased_at is not None else spectrogram_png(service, row.recording)
     context = {
-        **view.context(),
+        **view_of(session, service, row),
         "style": style_sheet(),
-        "at": lambda value: instant(value, zone),
-        "spectrogram": base64.b64encode(view.spectrogram() or b"").decode(),
+        "at": lambda value: instant(value, service.settings.time_zone),
+        "spectrogram": base64.b64encode(image).decode(),
     }
     return ENVIRONMENT.get_template("report.html").render(context)

@@ -6,7 +6,7 @@ is lost.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,14 +57,6 @@ class Stretch:
     text: str
 
 
-@dataclass(frozen=True)
-class Axis:
-    """Words, unit and range of one axis; the range follows the data where it is None."""
-
-    label: str
-    range: tuple[float, float] | None = None
-
-
 def ticks(low: float, high: float, count: int = 6) -> list[float]:
     """Return round numbers of the 1-2-5 series that cover low to high.
 
@@ -94,11 +86,8 @@ def extremes(series: Series, columns: int) -> tuple[NDArray[np.float64], NDArray
     return x, np.stack([low, high], axis=1).ravel()
 
 
-def _limits(values: list[NDArray[np.float64]], given: tuple[float, float] | None) -> tuple[float, float]:
-    if given is not None:
-        return given
-    finite = [v[np.isfinite(v)] for v in values]
-    joined = np.concatenate(finite) if finite else np.empty(0)
+def _limits(values: list[NDArray[np.float64]]) -> tuple[float, float]:
+    joined = np.concatenate([np.empty(0), *(v[np.isfinite(v)] for v in values)])
     if joined.size == 0:
         return 0.0, 1.0
     low, high = float(joined.min()), float(joined.max())
@@ -112,8 +101,8 @@ def _tick_text(value: float) -> str:
 def line_chart(
     title: str,
     series: Sequence[Series],
-    x_axis: Axis,
-    y_axis: Axis,
+    x_label: str,
+    y_label: str,
     *,
     bands: Sequence[Band] = (),
     markers: Sequence[Marker] = (),
@@ -123,10 +112,10 @@ def line_chart(
     height: float = 220.0,
 ) -> Markup:
     """Draw series over one pair of axes; the title is read out by screen readers, events stand as triangles."""
-    x0, x1 = _limits([s.x for s in series], x_axis.range)
+    x0, x1 = _limits([s.x for s in series])
     edges = [np.array([b.low, b.high]) for b in bands]
-    y0, y1 = _limits([*(s.y for s in series), *edges], y_axis.range)
-    pad = 0.0 if y_axis.range else 0.04 * (y1 - y0)
+    y0, y1 = _limits([*(s.y for s in series), *edges])
+    pad = 0.04 * (y1 - y0)
     y0, y1 = y0 - pad, y1 + pad
     inner_w, inner_h = width - LEFT - RIGHT, height - TOP - BOTTOM
 
@@ -136,8 +125,16 @@ def line_chart(
     def py(y: float) -> float:
         return TOP + (1.0 - (min(max(y, y0), y1) - y0) / (y1 - y0)) * inner_h
 
-    parts = [_frame(title, x_axis, y_axis, width, height)]
-    parts += _marks(ticks(x0, x1, 8), px, ticks(y0, y1, 7), py, width, height)
+    parts = [_frame(title, x_label, y_label, width, height)]
+    for value in ticks(y0, y1, 7):
+        parts.append(
+            f'<path class="grid-line" d="M{LEFT:.1f} {py(value):.1f}H{width - RIGHT:.1f}"/>'
+            f'<text x="{LEFT - 7:.1f}" y="{py(value) + 4:.1f}" text-anchor="end">{_tick_text(value)}</text>'
+        )
+    parts += [
+        f'<text x="{px(value):.1f}" y="{height - BOTTOM + 16:.1f}" text-anchor="middle">{_tick_text(value)}</text>'
+        for value in ticks(x0, x1, 8)
+    ]
     for band in bands:
         top, bottom = py(band.high), py(band.low)
         parts.append(
@@ -165,32 +162,14 @@ def line_chart(
     return Markup("".join(parts))  # noqa: S704  every text above is escaped
 
 
-def _frame(title: str, x_axis: Axis, y_axis: Axis, width: float, height: float) -> str:
+def _frame(title: str, x_label: str, y_label: str, width: float, height: float) -> str:
     middle = TOP + (height - TOP - BOTTOM) / 2
     return (
         f'<svg class="chart" viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{escape(title)}">'
         f'<text x="{LEFT + (width - LEFT - RIGHT) / 2:.1f}" y="{height - 6:.1f}" text-anchor="middle">'
-        f"{escape(x_axis.label)}</text>"
-        f'<text transform="translate(13 {middle:.1f}) rotate(-90)" text-anchor="middle">{escape(y_axis.label)}</text>'
+        f"{escape(x_label)}</text>"
+        f'<text transform="translate(13 {middle:.1f}) rotate(-90)" text-anchor="middle">{escape(y_label)}</text>'
     )
-
-
-def _marks(
-    xs: Sequence[float],
-    px: Callable[[float], float],
-    ys: Sequence[float],
-    py: Callable[[float], float],
-    width: float,
-    height: float,
-) -> list[str]:
-    """Draw the numbers of both axes, and a line across at those of y."""
-    parts: list[str] = []
-    for value in ys:
-        parts.append(f'<path class="grid-line" d="M{LEFT:.1f} {py(value):.1f}H{width - RIGHT:.1f}"/>')
-        parts.append(f'<text x="{LEFT - 7:.1f}" y="{py(value) + 4:.1f}" text-anchor="end">{_tick_text(value)}</text>')
-    low = height - BOTTOM + 16
-    parts += [f'<text x="{px(x):.1f}" y="{low:.1f}" text-anchor="middle">{_tick_text(x)}</text>' for x in xs]
-    return parts
 
 
 def _line(points: Sequence[tuple[float, float] | None]) -> str:
@@ -209,38 +188,39 @@ def _line(points: Sequence[tuple[float, float] | None]) -> str:
 
 def _stretches(places: Sequence[tuple[float, float, str]], width: float, height: float) -> list[str]:
     """Shade ranges between two lines; words stand at the bottom, for those of markers stand at the top."""
-    parts: list[str] = []
-    ends = [0.0] * MARKER_ROWS
-    for low, high, text in sorted(places):
-        high, bottom = max(high, low + 2), height - BOTTOM
-        parts.append(
-            f'<rect class="stretch" x="{low:.1f}" y="{TOP}" width="{high - low:.1f}" height="{bottom - TOP:.1f}"/>'
-            f'<path class="stretch-edge" d="M{low:.1f} {TOP}V{bottom}M{high:.1f} {TOP}V{bottom}"/>'
-        )
-        if text:
-            wide = 6.0 * len(text)
-            left = min(low + 3, width - RIGHT - wide)
-            row = next((k for k, end in enumerate(ends) if end <= left), 0)
-            ends[row] = left + wide
-            parts.append(
-                f'<text class="stretch-word" x="{left:.1f}" y="{bottom - 5 - 13 * row:.1f}">{escape(text)}</text>'
-            )
-    return parts
+    bottom = height - BOTTOM
+    wide = [(low, max(high, low + 2), text) for low, high, text in sorted(places)]
+    shades = [
+        f'<rect class="stretch" x="{low:.1f}" y="{TOP}" width="{high - low:.1f}" height="{bottom - TOP:.1f}"/>'
+        f'<path class="stretch-edge" d="M{low:.1f} {TOP}V{bottom}M{high:.1f} {TOP}V{bottom}"/>'
+        for low, high, _ in wide
+    ]
+    words = [
+        f'<text class="stretch-word" x="{left:.1f}" y="{bottom - 5 - 13 * row:.1f}">{escape(text)}</text>'
+        for left, row, text in _rows([(low, text) for low, _, text in wide], width)
+    ]
+    return shades + words
 
 
 def _markers(places: Sequence[tuple[float, str]], width: float, height: float) -> list[str]:
     """Draw vertical lines; words that would run into each other go into a row of their own."""
-    parts: list[str] = []
+    lines = [f'<path class="marker" d="M{x:.1f} {TOP}V{height - BOTTOM}"/>' for x, _ in places]
+    return lines + [
+        f'<text x="{left:.1f}" y="{TOP + 10 + 13 * row:.1f}">{escape(text)}</text>'
+        for left, row, text in _rows(sorted(places), width)
+    ]
+
+
+def _rows(places: Sequence[tuple[float, str]], width: float) -> Iterator[tuple[float, int, str]]:
+    """Give words that stand at x a left edge and a row each, so that they do not run into each other."""
     ends = [0.0] * MARKER_ROWS
-    for x, text in sorted(places):
-        parts.append(f'<path class="marker" d="M{x:.1f} {TOP}V{height - BOTTOM}"/>')
+    for x, text in places:
         if text:
-            wide = 6.0 * len(text)
-            left = min(x + 3, width - RIGHT - wide)
+            long = 6.0 * len(text)
+            left = min(x + 3, width - RIGHT - long)
             row = next((k for k, end in enumerate(ends) if end <= left), 0)
-            ends[row] = left + wide
-            parts.append(f'<text x="{left:.1f}" y="{TOP + 10 + 13 * row:.1f}">{escape(text)}</text>')
-    return parts
+            ends[row] = left + long
+            yield left, row, text
 
 
 def polar_chart(

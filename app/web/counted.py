@@ -29,3 +29,9 @@ def counted(library: CaseLibrary, session: Session, name: str, count: Callable[[
 def counts_of(library: CaseLibrary, session: Session) -> Mapping[tuple[str, str], int]:
     """Return how many searchable cases there are per label and origin."""
     return counted(library, session, "counts", lambda: library.retrieve.counts(session))
+
+
+def of_library(library: CaseLibrary, session: Session) -> str:
+    """Say that something is worked out from all cases, and how often."""
+    cases = sum(counts_of(library, session).values())
+    return f"the {cases:,} cases of the library, once until a case changes"

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from sqlalchemy import Select, select
+from sqlalchemy import ColumnElement, Select, select
 from sqlalchemy.orm import Session, defer
 
 from casebase.store.models import StoredInvestigation
@@ -23,3 +23,9 @@ def headlined(session: Session, rows: Sequence[StoredInvestigation]) -> list[Hea
     asked = asked.where(StoredInvestigation.id.in_(ids))
     told = {identity: headline.removesuffix(".") for identity, headline in session.execute(asked) if headline}
     return [(row, told.get(row.id)) for row in rows]
+
+
+def newest(session: Session, most: int, *where: ColumnElement[bool]) -> list[Headlined]:
+    """Return the newest investigations of which all this holds, with what each found."""
+    statement = light().where(*where).order_by(StoredInvestigation.id.desc()).limit(most)
+    return headlined(session, session.scalars(statement).all())

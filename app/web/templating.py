@@ -1,15 +1,17 @@
-"""What every page is given."""
+"""What every page is given, where a form leads, and the page that stands while something is worked out."""
 
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fastapi import Request
-from fastapi.responses import HTMLResponse
+from fastapi.responses import HTMLResponse, RedirectResponse
 
+from app.background_cache import Pending
 from app.http.security import COOKIE, Principal, csrf_token
 from app.report.formatting import ENVIRONMENT, instant
-from app.service import service_of
+from app.service import Service, service_of
+from app.web.session import below_root
 
 NAVIGATION = (
     ("/fleet", "Fleet", "1", "viewer"),
@@ -54,8 +56,7 @@ def render(
 ) -> HTMLResponse:
     """Fill a page's template; everything a value holds is escaped."""
     service = service_of(request)
-    root = service.settings.root_path.rstrip("/")
-    zone = service.settings.time_zone
+    root, zone = root_of(service), service.settings.time_zone
     nonce = secrets.token_urlsafe(12)
     navigation = [
         (href, words, key)
@@ -80,3 +81,46 @@ def render(
     page = ENVIRONMENT.get_template(template).render({**given, **context})
     headers = {"Content-Security-Policy": content_security_policy(nonce), "Cache-Control": "no-store"}
     return HTMLResponse(page, status_code=status, headers=headers)
+
+
+def root_of(service: Service) -> str:
+    """Return the path under which a proxy serves us, without a slash at its end."""
+    return service.settings.root_path.rstrip("/")
+
+
+def lead(service: Service, path: str) -> RedirectResponse:
+    """Lead from a form that was taken to a page, given by its path below the root."""
+    return RedirectResponse(f"{root_of(service)}{path}", status_code=303)
+
+
+def waiting_page(
+    request: Request,
+    principal: Principal,
+    begun: Pending,
+    title: str,
+    words: str,
+    basis: str,
+    *,
+    section: str = "/library",
+    tab: str = "",
+    crumb: tuple[str, str] | None = None,
+) -> HTMLResponse:
+    """Say what is being worked out, how far it is, and ask again.
+
+    Args:
+        title: of the page that will stand here.
+        words: what it will say.
+        basis: what it is worked out from, and how often.
+        tab: of the library, if it is one.
+        crumb: path and words of the page above it, if there is one.
+    """
+    context = {
+        "begun": begun,
+        "title": title,
+        "words": words,
+        "tab": tab,
+        "crumb": crumb,
+        "basis": basis,
+        "again": f"{below_root(request)}{f'?{request.url.query}' if request.url.query else ''}",
+    }
+    return render(request, "waiting.html", context, principal=principal, section=section)

@@ -9,7 +9,7 @@ import pytest
 
 from app.axes.axis_templates import TEMPLATES
 from app.axes.axis_units import UNITS, in_si
-from app.web.axis_form import described, filled
+from app.web.pages.describe import described, filled
 from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.live import gearcase
 from sim.description.axis_document import read_axis

@@ -79,7 +79,7 @@ def test_steady_is_sent(
         (tmp_path / folder).mkdir()
     monkeypatch.setenv("GEARCASE_KEY", "gearcase_x")
     monkeypatch.setattr("app.recordings.remote.Remote.diagnose", diagnose)
-    monkeypatch.setattr(record, "_record", lambda _frame, target, *_: target.write_bytes(sound(1)))
+    monkeypatch.setattr(record, "_record", lambda target, *_: target.write_bytes(sound(1)))
     axis = str(data_dir.parent / "axis.toml")
     watched = ("watch", tmp_path, "--once", "--settle", "0", "--memory", tmp_path / "memory" / "sent")
     gearcase(*watched, "--axis", axis, *words, data_dir=tmp_path)

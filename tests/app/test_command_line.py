@@ -38,13 +38,13 @@ def data_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_help_imports_nothing_heavy() -> None:
     program = "import sys; from app.cli import run; run(['--help']); print(*sys.modules, file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert not {"numpy", "sqlalchemy", "fastapi", "dbos", "matplotlib"} & set(done.stderr.split())
+    assert not {"numpy", "sqlalchemy", "fastapi", "matplotlib"} & set(done.stderr.split())
 
 
 def test_service_imports_nothing_that_only_some_requests_need() -> None:
     program = "import sys, app.main; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    heavy = {"matplotlib", "numba", "scipy.stats", "scipy.signal", "scipy.interpolate", "alembic", "pyarrow", "dbos"}
+    heavy = {"matplotlib", "numba", "scipy.stats", "scipy.signal", "scipy.interpolate", "alembic", "pyarrow"}
     assert not heavy & set(done.stdout.split())
 
 
@@ -210,7 +210,7 @@ def test_json_of_a_fault_of_ours_is_a_document_too(data_dir: Path, monkeypatch: 
     def broken(*_: object) -> None:
         raise ZeroDivisionError("on purpose")
 
-    monkeypatch.setattr("app.commands.frame.Frame.print_json", broken)
+    monkeypatch.setattr("app.commands.frame.print_json", broken)
     done = gearcase("cases", "list", "--json", data_dir=data_dir)
     assert done.code == 1
     assert "ZeroDivisionError: on purpose" in json.loads(done.stdout)["error"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.cli import run
-from app.commands.exit_codes import BAD_INPUT
+from app.commands import BAD_INPUT
 from app.simulated.comparison import CAUSES, Half, Space, _families, compare
 from signals.features import catalogue
 from sim.acoustics.transfer_path_fit import NormalRecording, scenario_like

@@ -8,7 +8,7 @@ import pytest
 from fastapi.routing import APIRoute
 
 from app.jobs.job import Job, JobState, Json, Progress
-from app.jobs.kinds import KINDS
+from app.jobs.jobs import KINDS
 from app.web.pages import PAGES
 from app.web.session import visitor
 from benchmarks.harness.inside import Inside, ListedJobs, inside
@@ -110,7 +110,7 @@ def fail_as_a_dependency() -> None:
 def test_a_fault_while_a_page_is_filled_is_a_page_that_still_leads_on(
     service: Inside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.web.pages.jobs.render", fail)
+    monkeypatch.setattr("app.web.pages.admin.render", fail)
     answer = service.browse("GET", "/jobs")
     assert (answer.status_code, answer.headers["content-type"]) == (500, "text/html; charset=utf-8")
     assert {"/", "/diagnoses", "/library"} <= Markup(answer.text).links

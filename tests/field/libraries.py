@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from app.commands.starter import PER_LABEL
+from app.commands.generate import PER_LABEL
 from app.simulated.generation import Campaign, generate
 from benchmarks.harness.live import gearcase
 from casebase.axes import add_axis

@@ -10,7 +10,7 @@ from threading import Thread
 
 import pytest
 
-from app.commands.exit_codes import BAD_INPUT, DONE
+from app.commands import BAD_INPUT, DONE
 from benchmarks.harness.live import gearcase
 from benchmarks.harness.sounds import sound
 from signals.errors import TelemetryError

@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 
 from app.commands.diagnose import is_fault
 from app.report.charts import envelope
-from app.report.diagnosis_view import facts_of
-from app.report.evidence import evidence_of
+from app.report.diagnosis_view import evidence_of, facts_of
 from app.report.formatting import percent
-from app.report.svg import Axis, Series, line_chart
+from app.report.svg import Series, line_chart
 from app.report.words import CHECKS, verdict_of
 from sim.mechanisms import MECHANISMS
-from sim.mechanisms.differing import Differing
+from sim.mechanisms.mechanism import Discriminating
 
 
 def document(**changes: object) -> dict[str, Any]:
@@ -109,7 +108,7 @@ def test_a_step_by_hand_begins_with_securing() -> None:
     """A load that nobody supports drops when the brake is released."""
     steps = [step for checks in CHECKS.values() for step in checks]
     steps += [text for kind in MECHANISMS.values() for text in (kind.action, kind.check)]
-    steps += [way.value for way in Differing]
+    steps += [way.value for way in Discriminating]
     moved = [step for step in steps if re.search(r"by hand|without current|brake open|[Oo]pen the|endoscope {", step)]
     assert len(moved) >= 7
     for step in moved:
@@ -117,9 +116,9 @@ def test_a_step_by_hand_begins_with_securing() -> None:
 
 
 def test_evidence_leads_only_to_plots_that_are_drawn() -> None:
-    drawn = evidence_of(document(), {"fold"}, {"notch": 2.5}).seen
-    assert [(row.plot, row.at_s) for row in drawn] == [("fold", 2.5), ("fold", None)]
-    assert [row.plot for row in evidence_of(document(), {"waveform"}, {}).seen] == [None, None]
+    drawn = evidence_of(document(), {"fold"}, {"notch": 2.5})["seen"]
+    assert [(row["plot"], row["at_s"]) for row in drawn] == [("fold", 2.5), ("fold", None)]
+    assert [row["plot"] for row in evidence_of(document(), {"waveform"}, {})["seen"]] == [None, None]
 
 
 @given(st.integers(2, 20_000), st.integers(100, 3000), st.integers(0, 2**32 - 1))
@@ -136,6 +135,6 @@ def test_envelope_loses_no_peak(samples: int, points: int, seed: int) -> None:
 def test_line_is_broken_where_nothing_was_measured() -> None:
     x = np.arange(5.0)
     series = Series("s", x, np.array([0.0, 1.0, np.nan, 1.0, 0.0]))
-    drawn = line_chart("t", [series], Axis("x"), Axis("y"))
+    drawn = line_chart("t", [series], "x", "y")
     path = drawn.split('class="series s1" d="')[1].split('"')[0]
     assert path.count("M") == 2

@@ -1,26 +1,53 @@
-"""Keys and the audit log, for admins."""
+"""Jobs for operators: the list, one of them live, cancel and resume; keys and the audit log, for admins."""
 
 import csv
 import io
 from typing import Annotated
 
 from fastapi import APIRouter, Form, Query, Request
-from fastapi.responses import RedirectResponse, Response
+from fastapi.responses import Response
 from pydantic import ValidationError
 
 from app.documents import KeyRequest
 from app.http import keys
 from app.http.errors import Unprocessable, validation_problem
 from app.http.keys import Role
-from app.service import Reading, TheService
-from app.web.session import FromOurPage, PageAdmin
-from app.web.templating import render
+from app.service import Reading, TheJobs, TheService
+from app.web.session import FromOurPage, PageAdmin, PageOperator
+from app.web.templating import lead, render
 from casebase.store import audit
 
 router = APIRouter()
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 ENTRIES = 100
 Before = Annotated[int | None, Query(ge=1, le=2**63 - 1)]
+
+
+@router.get("/jobs")
+def job_list(request: Request, jobs: TheJobs, principal: PageOperator) -> Response:
+    """The newest jobs and the workers that run them."""
+    context = {"rows": jobs.list(limit=100), "workers": jobs.workers()}
+    return render(request, "jobs.html", context, principal=principal, section="/jobs")
+
+
+@router.get("/jobs/{job_id}")
+def job(request: Request, jobs: TheJobs, principal: PageOperator, job_id: str) -> Response:
+    """One job, live."""
+    return render(request, "job.html", {"job": jobs.get(job_id)}, principal=principal, section="/jobs")
+
+
+@router.post("/jobs/{job_id}/cancel", dependencies=[FromOurPage])
+def cancel(service: TheService, jobs: TheJobs, _: PageOperator, job_id: str) -> Response:
+    """Stop it; what is done stays."""
+    jobs.cancel(job_id)
+    return lead(service, f"/jobs/{job_id}")
+
+
+@router.post("/jobs/{job_id}/resume", dependencies=[FromOurPage])
+def resume(service: TheService, jobs: TheJobs, _: PageOperator, job_id: str) -> Response:
+    """Go on with it."""
+    jobs.resume(job_id)
+    return lead(service, f"/jobs/{job_id}")
 
 
 @router.get("/keys")
@@ -59,7 +86,7 @@ def key_revoke(service: TheService, principal: PageAdmin, key_id: str, sure: Ann
         raise Unprocessable("A key is revoked for good: tick the box that says so. Nothing was changed.")
     with service.library.transaction(principal.actor) as session:
         keys.revoke_key(session, key_id)
-    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/keys", status_code=303)
+    return lead(service, "/keys")
 
 
 @router.get("/audit")

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Annotated, TypeVar
 
 from fastapi import APIRouter, Form, Request
-from fastapi.responses import RedirectResponse, Response
+from fastapi.responses import Response
 from pydantic import BaseModel, ValidationError
 
 from app.alarms.message import message_of
@@ -12,9 +12,8 @@ from app.api.alarms import ReceiverRequest, RuleRequest
 from app.http.errors import Unprocessable, validation_problem
 from app.report.words import VERDICTS
 from app.service import Reading, Service, TheService
-from app.web.pages.diagnoses import root_of
 from app.web.session import FromOurPage, PageAdmin
-from app.web.templating import render
+from app.web.templating import lead, render
 from casebase.alarms import outbox, rules
 
 router = APIRouter(prefix="/alarms")
@@ -164,4 +163,4 @@ def _number(label: str, text: str) -> float | None:
 
 
 def _back(service: Service, anchor: str = "") -> Response:
-    return RedirectResponse(f"{root_of(service)}/alarms{anchor}", status_code=303)
+    return lead(service, f"/alarms{anchor}")

@@ -1,4 +1,4 @@
-"""Axes: descriptions with their revisions, their gearboxes, and what was done to them."""
+"""Axes: descriptions with their revisions, their gearboxes, and what was done to them; robots with their joints."""
 
 from datetime import datetime
 from typing import Annotated
@@ -7,17 +7,17 @@ from zoneinfo import ZoneInfo
 
 import tomli_w
 from fastapi import APIRouter, Form, Request
-from fastapi.responses import RedirectResponse, Response
+from fastapi.responses import Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.http.errors import Unprocessable
 from app.report.standing_words import state_badge, why
 from app.service import Reading, Service, TheService
-from app.web.headlines import Headlined, headlined, light
+from app.web.headlines import newest
 from app.web.pages.fleet import silent_after
 from app.web.session import FromOurPage, PageOperator, PageViewer
-from app.web.templating import render
+from app.web.templating import lead, render
 from casebase.alarms import rules
 from casebase.axes import get_axis, is_axis, list_axes, unknown_axis
 from casebase.description import check_choice, check_name
@@ -32,7 +32,10 @@ from casebase.store.models import (
     StoredRecording,
     now,
 )
+from sim.robot.foreign import kept_robot
+from sim.robot.robot import Robot
 
+robots = APIRouter(prefix="/robots")
 router = APIRouter(prefix="/axes")
 SECTION = "/axes"
 LISTED = 10
@@ -68,7 +71,7 @@ def axis(request: Request, session: Reading, service: TheService, principal: Pag
             (row, state_badge(row.standing, at), why(row.standing, zone)) for row in fleet if row.standing is not None
         ],
         "marks": marks.all(),
-        "investigations": investigations_of(session, name),
+        "investigations": newest(session, LISTED, StoredInvestigation.axis == name),
         "listed": LISTED,
     }
     return render(request, "axis.html", context, principal=principal, section=SECTION)
@@ -82,12 +85,6 @@ def check_known(session: Session, name: str) -> None:
     """
     if not is_axis(session, name):
         raise NotFoundError(unknown_axis(session, name))
-
-
-def investigations_of(session: Session, axis: str) -> list[Headlined]:
-    """Return the newest investigations of an axis, with what each found."""
-    statement = light().where(StoredInvestigation.axis == axis)
-    return headlined(session, session.scalars(statement.order_by(StoredInvestigation.id.desc()).limit(LISTED)).all())
 
 
 @router.post("/{name}/marks", dependencies=[FromOurPage])
@@ -170,10 +167,10 @@ def _said(mark: MaintenanceMark) -> dict[str, object]:
 
 def _back(service: Service, name: str, gearbox: str | None) -> Response:
     """Lead to the page of the gearbox whose form it was, empty where it is not named, or to that of the axis."""
-    page = f"{service.settings.root_path.rstrip('/')}/axes/{quote(name, safe='')}"
+    page = f"/axes/{quote(name, safe='')}"
     if gearbox is not None:
         page += f"/gearboxes/{quote(gearbox, safe='')}".rstrip("/")
-    return RedirectResponse(page, status_code=303)
+    return lead(service, page)
 
 
 @router.get("/{name}/axis.toml")
@@ -182,3 +179,51 @@ def axis_toml(session: Reading, _: PageViewer, name: str) -> Response:
     text = tomli_w.dumps(dict(get_axis(session, name).document))
     headers = {"Content-Disposition": 'attachment; filename="axis.toml"'}
     return Response(text, media_type="application/toml", headers=headers)
+
+
+@robots.get("/{name}")
+def robot(request: Request, session: Reading, principal: PageViewer, name: str) -> Response:
+    """One robot: its joints, revisions and investigations."""
+    history = revisions.history(session, RobotRevision, name)
+    investigations = newest(session, LISTED, StoredInvestigation.robot == name)
+    if not history and not investigations:
+        raise NotFoundError(
+            f"no robot is known as {name!r}; the page of axes and robots lists those that are described"
+        )
+    described = kept_robot(history[-1].document, history[-1].urdf.encode()) if history else None
+    context = {
+        "name": name,
+        "history": list(reversed(history)),
+        "robot": described,
+        "joints": joints_of(described) if described else [],
+        "toml": tomli_w.dumps(dict(history[-1].document)) if history else None,
+        "investigations": investigations,
+        "listed": LISTED,
+    }
+    return render(request, "robot_description.html", context, principal=principal, section=SECTION)
+
+
+def joints_of(robot: Robot) -> list[dict[str, object]]:
+    """Return the logged joints of a robot, in the log's order: range and largest speed of the URDF, and the drive."""
+    rows: list[dict[str, object]] = []
+    for joint in robot.joints:
+        low, high, speed = robot.urdf.limits.get(joint.name, (None, None, None))
+        unit = "m" if joint.name in robot.urdf.prismatic else "rad"
+        axis = joint.axis if joint.described else None
+        rows.append({"name": joint.name, "unit": unit, "low": low, "high": high, "speed": speed, "axis": axis})
+    return rows
+
+
+@robots.get("/{name}/robot.toml")
+def robot_toml(session: Reading, _: PageViewer, name: str) -> Response:
+    """The description as a file."""
+    document = {**revisions.get(session, RobotRevision, name).document, "urdf": "robot.urdf"}
+    headers = {"Content-Disposition": 'attachment; filename="robot.toml"'}
+    return Response(tomli_w.dumps(document), media_type="application/toml", headers=headers)
+
+
+@robots.get("/{name}/robot.urdf")
+def robot_urdf(session: Reading, _: PageViewer, name: str) -> Response:
+    """Links and joints as a file."""
+    headers = {"Content-Disposition": 'attachment; filename="robot.urdf"'}
+    return Response(revisions.get(session, RobotRevision, name).urdf, media_type="application/xml", headers=headers)

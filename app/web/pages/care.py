@@ -1,27 +1,142 @@
-"""Care of the library: how well it does on gearboxes it has not seen, and cases carried in and out."""
+"""Care of the library: its evaluation and review with edits, cases to simulate, cases carried in and out."""
 
 from pathlib import Path
 from shutil import rmtree
 from tempfile import mkdtemp
-from typing import Literal
+from typing import Annotated, Literal
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Form, Request
 from fastapi.responses import FileResponse, Response
+from pydantic import Field
+from sqlalchemy import select
 from starlette.background import BackgroundTask
 
+from app.api.simulations import SimulationRequest, campaign_of
 from app.background_cache import Pending
+from app.http.errors import Unprocessable
 from app.http.security import check_csrf
 from app.http.uploads import TheUpload
-from app.service import Reading, TheService
-from app.web.session import PageAdmin, PageViewer
-from app.web.templating import render
-from app.web.waiting import of_library, waiting_page
+from app.report.words import name_of
+from app.service import Reading, TheJobs, TheService
+from app.simulated.generation import KIND as GENERATION
+from app.web.counted import of_library
+from app.web.session import FromOurPage, PageAdmin, PageViewer
+from app.web.templating import Message, lead, render, waiting_page
+from casebase import review as care
+from casebase.axes import get_axis, list_axes
+from casebase.errors import NotFoundError
 from casebase.search.case_filter import CaseFilter
 from casebase.store.bundle import export_cases, import_cases
+from casebase.store.models import Artifact
+from sim.description.axis_document import read_axis
+from sim.experiment.design_of_experiments import LABELS, labels, labels_of
 
 router = APIRouter(prefix="/library")
 SECTION = "/library"
 HOW = "Each gearbox is left out once, the library diagnoses it from the others."
+SHOWN = 50
+MOST_AT_ONCE = 1000
+KINDS = (
+    (
+        "contradictory",
+        "Contradictions",
+        "Two cases of one sound, or as good as one, with different labels or gearboxes.",
+    ),
+    ("suspect", "Suspect labels", "Cases whose neighbours are nearly all labelled otherwise."),
+    ("far", "Far from reality", "Simulated cases that lie far from every measured case of their label."),
+    ("redundant", "Redundant", "Cases that add nothing to another one that is there."),
+)
+
+
+@router.get("/review")
+def review(
+    request: Request, session: Reading, service: TheService, principal: PageViewer, edit: int = 0, undone: int = 0
+) -> Response:
+    """The findings, worst first within each kind; edits are offered to admins and can be taken back as a whole."""
+    found = service.review_soon(session)
+    if isinstance(found, Pending):
+        words = "Cases that contradict each other, that add nothing, and what is missing."
+        basis = of_library(service.library, session)
+        return waiting_page(request, principal, found, "Review", words, basis, tab="/library/review")
+    context = {
+        "review": found,
+        "kinds": [(kind, title, words, getattr(found, kind)) for kind, title, words in KINDS],
+        "shown": SHOWN,
+        "edits": session.scalars(
+            select(Artifact).where(Artifact.kind == care.KIND).order_by(Artifact.version.desc()).limit(10)
+        ).all(),
+        "axes": [row.name for row in list_axes(session)],
+    }
+    messages = []
+    if edit:
+        messages.append(Message(f"Edit {edit} is done. It can be taken back below."))
+    if undone:
+        messages.append(Message(f"Edit {undone} is taken back."))
+    return render(request, "review.html", context, principal=principal, section=SECTION, messages=tuple(messages))
+
+
+@router.post("/review", dependencies=[FromOurPage])
+def edit(service: TheService, principal: PageAdmin, kind: Annotated[Literal["redundant", "far"], Form()]) -> Response:
+    """Retire what is redundant or quarantine what is far, all together."""
+    with service.library.transaction(principal.actor) as session:
+        found = care.review(session, service.library.reuse.reasoner(session))
+        version = care.apply(service.library, session, found, kind).version
+    return lead(service, f"/library/review?edit={version}")
+
+
+@router.post("/review/undo", dependencies=[FromOurPage])
+def undo(service: TheService, principal: PageAdmin, version: Annotated[int, Form(ge=1, le=2**31 - 1)]) -> Response:
+    """Take back the edits of a version."""
+    with service.library.transaction(principal.actor) as session:
+        care.undo(service.library, session, version)
+    return lead(service, f"/library/review?undone={version}")
+
+
+@router.get("/simulate")
+def simulate_page(
+    request: Request, session: Reading, principal: PageAdmin, axis: str = "", label: str = ""
+) -> Response:
+    """How many cases of which label the simulator is to make for an axis: of any that its model can have."""
+    axes = [row.name for row in list_axes(session)]
+    if axis and axis not in axes:
+        raise NotFoundError(f"no axis is described as {axis!r}, so it cannot be simulated; add it by POST /api/v1/axes")
+    offered = labels_of(read_axis(get_axis(session, axis).document)) if axis else labels()
+    usual = {one: 20 if label in ("", one) and (one in LABELS or label) else 0 for one in offered}
+    counts = {one: _count(request.query_params.get(one), usual[one]) for one in offered}
+    context = {
+        "axes": axes,
+        "axis": axis,
+        "counts": counts,
+        "usual": LABELS,
+        "name_of": name_of,
+        "most": MOST_AT_ONCE,
+        "not_simulated": label if label and label not in labels() else "",
+        "no_place": label if label in labels() and label not in offered else "",
+    }
+    return render(request, "simulate.html", context, principal=principal, section=SECTION)
+
+
+def _count(text: str | None, otherwise: int) -> int:
+    return min(int(text), MOST_AT_ONCE) if text and text.isascii() and text.isdigit() else otherwise
+
+
+@router.post("/simulate", dependencies=[FromOurPage])
+def simulate(
+    service: TheService,
+    jobs: TheJobs,
+    principal: PageAdmin,
+    axis: Annotated[str, Form()],
+    count: Annotated[list[Annotated[int, Field(ge=0, le=MOST_AT_ONCE)]], Form()],
+    label: Annotated[list[str] | None, Form()] = None,
+) -> Response:
+    """Queue it and lead to the job; counts are in the order of the labels, or of those that a simulation knows."""
+    names = label or labels()[: len(count)]
+    if len(count) != len(names) or not any(count):
+        raise Unprocessable("Say how many cases of each label; at least one of one of them.")
+    counts = {one: number for one, number in zip(names, count, strict=True) if number or one in LABELS}
+    wanted = SimulationRequest(axis=axis, counts=counts)
+    job_id = jobs.submit(GENERATION, campaign_of(service, wanted).to_document(), submitted_by=principal.actor)
+    return lead(service, f"/jobs/{job_id}")
 
 
 @router.get("/evaluation")
@@ -35,7 +150,7 @@ def evaluation(
     """Leave-one-gearbox-out confusion matrix; its cells open the cases."""
     found = service.evaluation_soon(session, origin)
     if isinstance(found, Pending):
-        basis = of_library(session, service)
+        basis = of_library(service.library, session)
         return waiting_page(request, principal, found, "Evaluation", HOW, basis, tab="/library/evaluation")
     context = {"evaluation": found, "origin": origin, "labels": sorted(found.confusion), "how": HOW}
     return render(request, "evaluation.html", context, principal=principal, section=SECTION)

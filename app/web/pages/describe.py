@@ -1,24 +1,66 @@
-"""Describe an axis by a form: from a template, from another axis, or as it is now."""
+"""Describe an axis by a form: from a template, from another axis, or as it is now; fields have units to choose."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, Query, Request
-from fastapi.responses import RedirectResponse, Response
+from fastapi.responses import Response
 
 from app.axes.axis_templates import TEMPLATES
+from app.axes.axis_units import in_si, units_of
 from app.http.errors import Unprocessable
 from app.http.security import Principal
 from app.service import Reading, Service, TheService
-from app.web.axis_form import FIELDS, MOST_STAGES, STAGE, described, filled
 from app.web.session import FromOurPage, PageAdmin
-from app.web.templating import Message, render
+from app.web.templating import Message, lead, render
 from casebase.axes import add_axis, find_axis, get_axis
 from sim.description.axis_document import read_axis
 from sim.errors import AxisError, ParameterError
 
 router = APIRouter(prefix="/describe")
+MOST_STAGES = 4
+
+
+@dataclass(frozen=True)
+class Field:
+    """One number of a table of the description, and what it is called."""
+
+    table: str
+    key: str
+    words: str
+    hint: str = ""
+
+    @property
+    def name(self) -> str:
+        return f"{self.table}.{self.key}"
+
+    @property
+    def units(self) -> list[str]:
+        return [unit for unit in units_of(self.key) if unit]
+
+
+FIELDS = (
+    Field("motor", "inertia_kg_m2", "Inertia of the motor", "with all that turns on its shaft; empty if nobody knows"),
+    Field("motor", "coulomb_friction_n_m", "Dry friction of the motor"),
+    Field("motor", "viscous_friction_n_m_s_per_rad", "Viscous friction of the motor"),
+    Field("load", "inertia_kg_m2", "Inertia of the load", "arm and payload, about the axis"),
+    Field("load", "coulomb_friction_n_m", "Dry friction of the joint"),
+    Field("load", "viscous_friction_n_m_s_per_rad", "Viscous friction of the joint"),
+    Field("transmission", "stiffness_n_m_per_rad", "Stiffness of the whole gear", "at the output, the motor locked"),
+    Field("motion", "load_speed_rad_s", "Largest speed of the output", "in its usual motion"),
+)
+STAGE = (
+    Field("stages", "driver_teeth", "Teeth of the driver"),
+    Field("stages", "driven_teeth", "Teeth of the driven gear"),
+    Field("stages", "ratio", "Ratio", "instead of teeth"),
+    Field("stages", "inertia_kg_m2", "Inertia", "of the driven shaft"),
+    Field("stages", "mesh_efficiency", "Efficiency", "0 to 1"),
+    Field("stages", "stiffness_n_m_per_rad", "Stiffness", "at the driven gear"),
+    Field("stages", "backlash_rad", "Backlash as new", "at most"),
+)
+TEETH = ("driver_teeth", "driven_teeth")
 
 
 async def the_fields(request: Request) -> dict[str, str]:
@@ -86,8 +128,7 @@ def describe(request: Request, service: TheService, principal: PageAdmin, fields
         name = _stored(service, principal, axis, revision, fields)
     except (AxisError, ParameterError) as error:
         return _form(request, principal, fields, axis, revision, copy=fields.get("copy", ""), wrong=str(error))
-    page = f"{service.settings.root_path.rstrip('/')}/axes/{quote(name, safe='')}"
-    return RedirectResponse(page if axis else f"{page}/first-hour", status_code=303)
+    return lead(service, f"/axes/{quote(name, safe='')}{'' if axis else '/first-hour'}")
 
 
 def _stored(service: Service, principal: Principal, axis: str, revision: int, fields: Mapping[str, str]) -> str:
@@ -100,3 +141,61 @@ def _stored(service: Service, principal: Principal, axis: str, revision: int, fi
         if not axis and find_axis(session, found.name) is not None:
             raise AxisError(f"An axis is called {found.name!r} already: change that one, or give another name.")
         return add_axis(session, found.name, found.to_mapping(), based_on=revision if axis else None).name
+
+
+def filled(document: Mapping[str, Any]) -> dict[str, str]:
+    """Return what stands in the fields for a description: SI units, as short as they are exact."""
+    values = {"name": str(document.get("name", ""))}
+    for field in FIELDS:
+        values[field.name] = _text(document.get(field.table, {}).get(field.key))
+    for number, stage in enumerate(document.get("stages", ())):
+        values[f"stages.{number}.name"] = str(stage["name"])
+        teeth = stage.get("driver_teeth") is not None
+        for field in STAGE:
+            shown = None if teeth and field.key == "ratio" else stage.get(field.key)
+            values[f"stages.{number}.{field.key}"] = _text(shown)
+    return values
+
+
+def _text(value: float | None) -> str:
+    if value is None:
+        return ""
+    short = f"{value:.12g}"
+    return short if float(short) == value else repr(value)
+
+
+def described(given: Mapping[str, str], before: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the description that the fields make of the one before, of which all else is kept.
+
+    Raises:
+        ParameterError: where a field has no number, or a unit that is not its own.
+    """
+    document: dict[str, Any] = {key: value for key, value in before.items() if key != "stages"}
+    document["name"] = given.get("name", "").strip()
+    for field in FIELDS:
+        table = {**document.get(field.table, {})}
+        table.pop(field.key, None)
+        if text := given.get(field.name, "").strip():
+            table[field.key] = in_si(field.name, text, given.get(f"{field.name}.unit", ""))
+        document[field.table] = table
+    known = {stage["name"]: stage for stage in before.get("stages", ())}
+    stages = [
+        _stage(given, number, known)
+        for number in range(max(MOST_STAGES, len(known)))
+        if given.get(f"stages.{number}.name", "").strip()
+    ]
+    optional = {"transmission", "motion"}
+    return {key: value for key, value in document.items() if value or key not in optional} | {"stages": stages}
+
+
+def _stage(given: Mapping[str, str], number: int, known: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    name = given[f"stages.{number}.name"].strip()
+    own = {field.key for field in STAGE}
+    stage = {key: value for key, value in known.get(name, {}).items() if key not in own} | {"name": name}
+    for field in STAGE:
+        if text := given.get(f"stages.{number}.{field.key}", "").strip():
+            value = in_si(f"{name}.{field.key}", text, given.get(f"{field.name}.unit", ""))
+            if field.key in TEETH and not value.is_integer():
+                raise ParameterError(f"{field.words} of {name}: must be a whole number, got {text}.")
+            stage[field.key] = int(value) if field.key in TEETH else value
+    return stage

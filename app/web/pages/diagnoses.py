@@ -5,7 +5,7 @@ from shlex import quote
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Form, Request
-from fastapi.responses import RedirectResponse, Response
+from fastapi.responses import Response
 from sqlalchemy import select
 
 from app.http.concurrency_limiter import ReadingLimit
@@ -25,7 +25,7 @@ from app.web.labels import VERIFICATIONS, LabelQuestion, Verified, choices, chos
 from app.web.pages.queue import ask, number_of, reason_words
 from app.web.pages.recordings import demo_ids
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer, SignInNeeded, Visitor, below_root
-from app.web.templating import Message, render
+from app.web.templating import Message, lead, render
 from casebase.axes import find_axis
 from casebase.cycle.retain import is_undone
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
@@ -39,11 +39,6 @@ LONGEST_VERIFICATION = 500
 NUMBERS = {"speed_rad_s": "The largest speed of the output [rad/s]", "payload_kg_m2": "The payload [kg m²]"}
 
 
-def root_of(service: Service) -> str:
-    """Return the path under which a proxy serves us, without a slash at its end."""
-    return service.settings.root_path.rstrip("/")
-
-
 @router.get("/")
 def front(request: Request, session: Reading, service: TheService, principal: Visitor) -> Response:
     """The demonstration for whoever is new, the fleet for whoever is signed in and has heard something."""
@@ -54,7 +49,7 @@ def front(request: Request, session: Reading, service: TheService, principal: Vi
         return shown(request, session, service, principal, get_diagnosis(session, demo[0]), demo=True)
     if principal is None:
         raise SignInNeeded("/")
-    return RedirectResponse(f"{root_of(service)}/fleet", status_code=303)
+    return lead(service, "/fleet")
 
 
 @router.get("/diagnoses")
@@ -91,7 +86,7 @@ def upload(request: Request, principal: PageOperator, upload: TheUpload, service
         diagnosis = intake.diagnose(service.library, session)
         identity = diagnosis.id
     service.metrics.diagnoses.labels(diagnosis.verdict, diagnosis.label or "").inc()
-    return RedirectResponse(f"{root_of(service)}/diagnoses/{identity}", status_code=303)
+    return lead(service, f"/diagnoses/{identity}")
 
 
 def told(fields: dict[str, str], *words: str) -> dict[str, object]:
@@ -158,7 +153,7 @@ def shown(
         f"  {base}/api/v1/diagnoses\n\n"
         f'curl -H "Authorization: Bearer $GEARCASE_KEY" {base}/api/v1/diagnoses/{row.id}'
     )
-    context = view_of(session, service, row, orders=orders).context()
+    context = view_of(session, service, row, orders=orders)
     labels = choices(label for label, _ in counts_of(service.library, session))
     context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels}
     kept = session.scalars(select(Case).where(Case.diagnosis_id == row.id).order_by(Case.id)).all()
@@ -241,13 +236,11 @@ def revise(
             service.library.retain.diagnosis(session, diagnosis_id)
         session.flush()
         step = newest_of(session, name)
-    root = root_of(service)
     if place is None:
-        return RedirectResponse(f"{root}/diagnoses/{diagnosis_id}?step={step}#revise", status_code=303)
+        return lead(service, f"/diagnoses/{diagnosis_id}?step={step}#revise")
     left = queue_of(service)
     after = place.after if place.after in left else next(iter(left), None)
-    path = f"/diagnoses/{after}?queue=1&step={step}" if after else f"/queue?step={step}"
-    return RedirectResponse(f"{root}{path}", status_code=303)
+    return lead(service, f"/diagnoses/{after}?queue=1&step={step}" if after else f"/queue?step={step}")
 
 
 def queue_of(service: Service) -> list[str]:
@@ -279,12 +272,12 @@ def retain(
     with service.library.transaction(principal.actor, step_name()) as session:
         said_how(verification or get_diagnosis(session, diagnosis_id).verification)
         case = service.library.retain.diagnosis(session, diagnosis_id, verification=verification or None)
-    return RedirectResponse(f"{root_of(service)}/cases/{case.id}?kept=1", status_code=303)
+    return lead(service, f"/cases/{case.id}?kept=1")
 
 
 @router.get("/diagnoses/{diagnosis_id}/report.html", dependencies=[ReadingLimit])
 def report_html(session: Reading, service: TheService, _: PageViewer, diagnosis_id: str) -> Response:
     """One file that needs no network."""
-    page = diagnosis_html(view_of(session, service, get_diagnosis(session, diagnosis_id)), service.settings.time_zone)
+    page = diagnosis_html(session, service, get_diagnosis(session, diagnosis_id))
     disposition = f'attachment; filename="diagnosis-{diagnosis_id}.html"'
     return self_contained(page, **{"Content-Disposition": disposition})

@@ -6,7 +6,7 @@ from typing import Annotated
 from urllib.parse import quote
 
 from fastapi import APIRouter, Form, Query, Request
-from fastapi.responses import RedirectResponse, Response
+from fastapi.responses import Response
 
 from app.api.simulations import SimulationRequest, campaign_of
 from app.axes.axis_templates import TEMPLATES
@@ -25,11 +25,11 @@ from app.web.counted import counted, counts_of
 from app.web.first_hour import Hour, axis_cases, known_of_axis, obstacles
 from app.web.labels import VERIFICATIONS, LabelQuestion, choices, chosen
 from app.web.pages.axes import check_known
+from app.web.pages.care import MOST_AT_ONCE
 from app.web.pages.diagnoses import NUMBERS, may_keep, said_how, told
 from app.web.pages.queue import number_of
-from app.web.pages.review import MOST_AT_ONCE
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
-from app.web.templating import Message, render
+from app.web.templating import Message, lead, render
 from casebase.axes import find_axis, list_axes
 from casebase.diagnoses import revise_diagnosis
 from casebase.origins import MEASURED, SIMULATED
@@ -172,5 +172,4 @@ def simulate(
 
 
 def _to_page(service: Service, name: str, rest: str) -> Response:
-    root = service.settings.root_path.rstrip("/")
-    return RedirectResponse(f"{root}/axes/{quote(name, safe='')}/first-hour{rest}", status_code=303)
+    return lead(service, f"/axes/{quote(name, safe='')}/first-hour{rest}")

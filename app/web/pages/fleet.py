@@ -16,10 +16,9 @@ from app.report.trend import charts_of, level_chart
 from app.report.words import VERDICTS, in_short, is_compared, sure_of
 from app.service import Reading, Service, TheService
 from app.web.first_hour import axis_cases, known_of_axis
-from app.web.headlines import Headlined, headlined, light
+from app.web.headlines import Headlined, newest
 from app.web.session import PageViewer
-from app.web.templating import render
-from app.web.waiting import waiting_page
+from app.web.templating import render, waiting_page
 from casebase.axes import is_axis, unknown_axis
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import Reason, Standing, State, standing
@@ -193,9 +192,7 @@ def sizes_of(session: Session, history: History) -> dict[str, dict[str, float]]:
 
 def investigations_of(session: Session, history: History) -> list[Headlined]:
     """Return the newest investigations of the axis while the gearbox was in it, with what each found."""
-    statement = light().where(StoredInvestigation.axis == history.axis)
-    if history.since is not None:
-        statement = statement.where(StoredInvestigation.created_at >= history.since)
-    if history.until is not None:
-        statement = statement.where(StoredInvestigation.created_at < history.until)
-    return headlined(session, session.scalars(statement.order_by(StoredInvestigation.id.desc()).limit(10)).all())
+    while_in_it = [StoredInvestigation.axis == history.axis]
+    while_in_it += [StoredInvestigation.created_at >= history.since] if history.since else []
+    while_in_it += [StoredInvestigation.created_at < history.until] if history.until else []
+    return newest(session, 10, *while_in_it)

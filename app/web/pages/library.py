@@ -5,7 +5,7 @@ from collections import Counter
 from typing import Annotated
 
 from fastapi import APIRouter, Form, Request
-from fastapi.responses import RedirectResponse, Response
+from fastapi.responses import Response
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
@@ -16,19 +16,17 @@ from app.http.security import check_csrf
 from app.http.uploads import TheUpload
 from app.recordings.intake import take_in
 from app.recordings.metadata import CaseMetadata, read_metadata
-from app.report.features import features_of
 from app.report.formatting import sentence
-from app.report.recorded import chart_of
+from app.report.recorded import chart_of, features_of
 from app.report.steps import told as told_step
 from app.service import Reading, Service, TheService
-from app.web.counted import counted, counts_of
+from app.web.counted import counted, counts_of, of_library
 from app.web.labels import VERIFICATIONS, LabelQuestion, choices, damage_of
 from app.web.labels import chosen as chosen_label
 from app.web.pages.diagnoses import number, said_how, told
 from app.web.pages.queue import ask, number_of
 from app.web.session import FromOurPage, PageAdmin, PageViewer
-from app.web.templating import Message, render
-from app.web.waiting import of_library, waiting_page
+from app.web.templating import Message, lead, render, waiting_page
 from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.origins import MEASURED
 from casebase.reasoning.evaluation import Evaluation
@@ -155,8 +153,7 @@ def _right_label(service: Service, label: str, another: str, sure: str) -> str:
 
 
 def _changed(service: Service, step: int | None) -> Response:
-    root = service.settings.root_path.rstrip("/")
-    return RedirectResponse(f"{root}/library?step={step or 0}", status_code=303)
+    return lead(service, f"/library?step={step or 0}")
 
 
 @router.get("/library/add")
@@ -186,7 +183,7 @@ def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheS
         row = intake.store(service.library, session)
         labelling = metadata.labelling()
         case_id = service.library.retain.case(session, row, labelling).id
-    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/cases/{case_id}?kept=1", status_code=303)
+    return lead(service, f"/cases/{case_id}?kept=1")
 
 
 @router.get("/library/coverage")
@@ -233,7 +230,7 @@ def taught(request: Request, session: Reading, service: TheService, principal: P
     having = service.evaluation_soon(session, "both")
     for one in (without, having):
         if isinstance(one, Pending):
-            above, basis = (f"/cases/{row.id}", f"Case {row.label}"), of_library(session, service)
+            above, basis = (f"/cases/{row.id}", f"Case {row.label}"), of_library(service.library, session)
             return waiting_page(request, principal, one, TAUGHT, row.recording.file_name, basis, crumb=above)
     assert isinstance(without, Evaluation)
     assert isinstance(having, Evaluation)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from fastapi import APIRouter, Form, Request
-from fastapi.responses import RedirectResponse, Response
+from fastapi.responses import Response
 from sqlalchemy import select
 
 from app.http.errors import Forbidden
@@ -15,7 +15,7 @@ from app.report.words import how_sure, is_compared, name_of, names_fault, verdic
 from app.service import Reading, TheService
 from app.web.labels import LabelQuestion
 from app.web.session import FromOurPage, PageOperator, PageViewer
-from app.web.templating import render
+from app.web.templating import lead, render
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import NamedFault
 from casebase.queue import FAULT, UNDECIDED, UNKNOWN, proposed, waiting
@@ -105,4 +105,4 @@ def take_back(
             raise Forbidden(f"Cases are changed by admins; you are signed in with the role {principal.role}.")
         undo(session, step)
     shown = "undone=1&queue=1" if queue and what.path.startswith("/diagnoses/") else "undone=1"
-    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}{what.path}?{shown}", status_code=303)
+    return lead(service, f"{what.path}?{shown}")

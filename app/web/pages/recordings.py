@@ -17,6 +17,7 @@ from app.report import charts
 from app.report.recorded import PlotName, chart_of, spectrogram_png
 from app.service import Reading, TheService
 from app.web.session import FromOurPage, PageAdmin, SignInNeeded, Visitor, below_root
+from app.web.templating import lead, root_of
 from casebase.errors import NotFoundError
 from casebase.store import erasing
 from casebase.store.artifacts import active_artifact
@@ -51,7 +52,7 @@ def demonstration_wav(session: Reading, service: TheService, _: Visitor) -> Resp
     demo = demo_ids(session)
     if demo is None:
         raise NotFoundError("this library has no demonstration; `gearcase starter` makes one")
-    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/recordings/{demo[1]}/sound", status_code=302)
+    return RedirectResponse(f"{root_of(service)}/recordings/{demo[1]}/sound", status_code=302)
 
 
 @router.get("/plots/{name}", dependencies=[ReadingLimit])
@@ -98,7 +99,7 @@ def erase(
     with service.library.transaction(principal.actor) as session:
         erasing.erase(service.library, session, recording_id)
     views.forget()
-    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}{back}", status_code=303)
+    return lead(service, back)
 
 
 @router.get("/spectrogram.png", dependencies=[ReadingLimit])

@@ -4,13 +4,13 @@ import secrets
 from typing import Annotated
 
 from fastapi import APIRouter, Form, Request
-from fastapi.responses import RedirectResponse, Response
+from fastapi.responses import Response
 
 from app.http.errors import Forbidden, NotAuthenticated
 from app.http.security import COOKIE, FORM_COOKIE, Principal, check_csrf, client_of, csrf_token, principal_of
 from app.service import service_of
 from app.web.session import FromOurPage, PageViewer, Visitor
-from app.web.templating import Message, render
+from app.web.templating import Message, lead, render, root_of
 from casebase.store import audit
 
 router = APIRouter()
@@ -43,7 +43,7 @@ def sign_in(
         raise Forbidden("The sign-in form comes with a cookie, which is missing. Open /sign-in and send its form.")
     check_csrf(request, csrf, FORM_COOKIE)
     service = service_of(request)
-    root = service.settings.root_path.rstrip("/")
+    root = root_of(service)
     try:
         principal = principal_of(service, key.strip(), client_of(request))
     except NotAuthenticated as error:
@@ -51,7 +51,7 @@ def sign_in(
         return _form(request, next, None, (notice,), status=401)
     with service.library.transaction(principal.actor) as session:
         audit.record(session, "session.opened", ("key", principal.key_id))
-    answer = RedirectResponse(f"{root}{_local(next)}", status_code=303)
+    answer = lead(service, _local(next))
     answer.set_cookie(
         COOKIE,
         key.strip(),
@@ -75,7 +75,7 @@ def _form(
     answer.set_cookie(
         FORM_COOKIE,
         token,
-        path=f"{settings.root_path.rstrip('/')}/",
+        path=f"{root_of(service_of(request))}/",
         httponly=True,
         samesite="strict",
         secure=settings.cookie_secure,
@@ -86,7 +86,6 @@ def _form(
 @router.post("/sign-out", dependencies=[FromOurPage])
 def sign_out(request: Request, _principal: PageViewer) -> Response:
     """Forget the key."""
-    root = service_of(request).settings.root_path.rstrip("/")
-    answer = RedirectResponse(f"{root}/", status_code=303)
-    answer.delete_cookie(COOKIE, path=f"{root}/")
+    answer = lead(service_of(request), "/")
+    answer.delete_cookie(COOKIE, path=f"{root_of(service_of(request))}/")
     return answer
