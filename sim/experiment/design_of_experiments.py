@@ -95,11 +95,18 @@ def obstacle(axis: Axis, label: str) -> str | None:
     """Why no case of a label can be generated for an axis; None where it can."""
     name = LABELS.get(label, label)
     try:
-        having = axis if name is None else with_mechanism(axis, MECHANISMS[name]())
-        _check(having)
+        if name is not None:
+            kind = MECHANISMS[name]
+            axis = with_mechanism(axis, kind(None, {kind.size: _possible(kind, axis, kind().values[kind.size])}))
+        _check(axis)
     except SimulationError as error:
         return str(error)
     return None
+
+
+def _possible(kind: type[Mechanism], axis: Axis, size: float) -> float:
+    """The size, or the largest that the axis can have; one that can have none of it is refused as it is simulated."""
+    return min(size, kind.largest(axis) or size)
 
 
 def _check(axis: Axis) -> None:
@@ -189,22 +196,24 @@ def _planned(
     cruise = value["travel_rad"] / speed
     ramp = min(value["acceleration_time_s"], 0.8 * cruise)
     motion = Motion(2 * (cruise + ramp + value["dwell_s"]), speed, ramp, value["dwell_s"])
-    entry = _fault(axis, label, draw, value["middle_rad"], value["travel_rad"] - speed * ramp)
+    microphone = (
+        detuned(microphones[int(random.integers(len(microphones)))], random) if microphones else _housing(value, random)
+    )
+    payload = value["payload_factor"] * axis.load.inertia_kg_m2
+    specimen = Specimen(
+        int(random.integers(2**31)), value["error_factor"], value["friction_factor"], value["damping_factor"]
+    )
+    entry = _fault(specimen.built(axis, payload), label, draw, value["middle_rad"], value["travel_rad"] - speed * ramp)
     moved = replace(
         axis,
         motion=motion,
         servo=replace(axis.servo, speed_bandwidth_rad_s=value["speed_bandwidth_rad_s"]),
         mechanisms=(*axis.mechanisms, *((entry,) if entry else ())),
     )
-    microphone = (
-        detuned(microphones[int(random.integers(len(microphones)))], random) if microphones else _housing(value, random)
-    )
     scenario = Scenario(
         axis=moved,
-        payload_kg_m2=value["payload_factor"] * axis.load.inertia_kg_m2,
-        specimen=Specimen(
-            int(random.integers(2**31)), value["error_factor"], value["friction_factor"], value["damping_factor"]
-        ),
+        payload_kg_m2=payload,
+        specimen=specimen,
         microphone=microphone,
         duration_s=duration_s,
         start_phase=value["start_phase"],
@@ -223,6 +232,7 @@ def _fault(
         return None
     kind = MECHANISMS[name]
     values = {each.name: _usual(each, draw["place"], each.name == kind.size, draw["size"]) for each in kind.parameters}
+    values[kind.size] = _possible(kind, axis, values[kind.size])
     if kind is Backlash:
         values = {"gap_rad": GAP_RAD.at(draw["size"])}
     if kind is ToothDamage:

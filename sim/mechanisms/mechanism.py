@@ -366,6 +366,11 @@ class Mechanism(ABC):
         return float(getattr(stage_at(axis, location), cls.as_new_key))
 
     @classmethod
+    def largest(cls, axis: Axis) -> float:
+        """Size beyond which an axis cannot have it."""
+        return math.inf
+
+    @classmethod
     def looks_like(cls, axis: Axis, location: str | None, load_encoder: bool) -> tuple[str, ...]:
         """Mechanisms that no measurement of motor and load tells from it; `load_encoder`: whether there is one."""
         return ()

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from sim.description.axis import Axis
 from sim.mechanisms.locations import ENDS, axis_of, friction_at, with_friction
 from sim.mechanisms.mechanism import UNLIKE, Discriminating, Law, Mechanics, Need, Parameter, Signature, Traits, only
 from sim.rotational.drive_train import DriveTrain
@@ -43,6 +44,11 @@ class FrictionAsymmetry(Mechanics):
     @classmethod
     def sizes(cls) -> tuple[str, ...]:
         return ("torque_n_m", "coefficient_n_m_s_per_rad")
+
+    @classmethod
+    def largest(cls, axis: Axis) -> float:
+        """All dry friction that the motor feels: with more, friction would drive one way."""
+        return axis.motor.coulomb_friction_n_m + axis.load.coulomb_friction_n_m / axis.ratio
 
     def act(self, train: DriveTrain, place: str) -> DriveTrain:
         axis = axis_of(train)

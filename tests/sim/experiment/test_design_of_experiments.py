@@ -56,6 +56,16 @@ def test_a_fault_of_the_description_is_no_part_of_a_normal_case() -> None:
     assert [each.name for each in played.scenario.axis.mechanisms] == ["electrical_hum", "backlash"]
 
 
+def test_no_drawn_difference_of_friction_drives_the_axis() -> None:
+    motor = replace(PAPER_AXIS.motor, coulomb_friction_n_m=0.05)
+    sizes = set()
+    for each in plan(replace(PAPER_AXIS, motor=motor), {"friction_asymmetry": 16}):
+        scenario = each.scenario
+        scenario.specimen.train(scenario.specimen.built(scenario.axis, scenario.payload_kg_m2))
+        sizes.add(each.size)
+    assert len(sizes) > 8
+
+
 def test_an_unknown_label_is_refused_with_the_nearest() -> None:
     with pytest.raises(ParameterError, match="notch"):
         plan(PAPER_AXIS, {"notsh": 1})
