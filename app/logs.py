@@ -87,8 +87,5 @@ def configure_logs(program: str, folder: Path | None = None, level: int = loggin
     for name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
         logging.getLogger(name).handlers = []
         logging.getLogger(name).propagate = True
-    engine = logging.getLogger("dbos")  # would add a handler of its own, for people, if it had none
-    engine.handlers, engine.propagate = [handler], False
     logging.getLogger("uvicorn.access").disabled = True  # the request record says more
-    for name in ("alembic", "dbos"):
-        logging.getLogger(name).setLevel(logging.WARNING)
+    logging.getLogger("alembic").setLevel(logging.WARNING)

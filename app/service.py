@@ -20,7 +20,6 @@ from app.http.key_usage import KeyNotes
 from app.http.metrics import Metrics
 from app.jobs.feed import JobFeed
 from app.jobs.jobs import Jobs
-from app.jobs.kinds import jobs_in
 from app.periodic import Periodic
 from app.recordings.retention import retention
 from app.settings import Settings
@@ -122,12 +121,11 @@ class Service:
 
     @cached_property
     def jobs(self) -> Jobs:
-        """The jobs of this installation; the engine is opened when first asked."""
-        return jobs_in(self.library)
+        return Jobs(self.library)
 
     @cached_property
     def job_feed(self) -> JobFeed:
-        return JobFeed(lambda: self.jobs)
+        return JobFeed(self.jobs)
 
     def close(self) -> None:
         self.upkeep.close()
@@ -136,8 +134,6 @@ class Service:
         self.key_notes.close()
         if "job_feed" in self.__dict__:
             self.job_feed.close()
-        if "jobs" in self.__dict__:
-            self.jobs.close()
         self.library.close()
 
     @cached_property

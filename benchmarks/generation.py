@@ -24,7 +24,7 @@ from pathlib import Path
 
 from sqlalchemy import func, select
 
-from app.jobs.kinds import open_jobs
+from app.jobs.jobs import open_jobs
 from app.settings import Settings
 from app.simulated.generation import KIND, Campaign, simulate_case
 from casebase.library import CaseLibrary
@@ -111,8 +111,6 @@ def run(settings: Settings, wanted: Campaign, count: int, *, kill: bool = False)
         job = jobs.submit(KIND, wanted.to_document())
         started, first = 0.0, 0
         for event in jobs.events(job):
-            if event is None:
-                continue
             if event.progress.done and not started:
                 started, first = time.perf_counter(), event.progress.done
             if kill and event.progress.fraction > 0.4:

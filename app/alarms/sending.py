@@ -1,6 +1,6 @@
 """The job that sends one message of the outbox: an attempt, and the order of the next one where it fails.
 
-It has no tasks, so that no message waits behind a simulation: a job without tasks is done by its own thread.
+It has no tasks, so that no message waits behind a simulation: other threads plan and finish jobs than do tasks.
 """
 
 from datetime import UTC, datetime, time, timedelta

@@ -1,9 +1,10 @@
 """What happens to jobs, for any number of listeners: on the event loop, read from the database once for all of them."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from weakref import WeakValueDictionary
 
 from app.jobs.job import JobEvent
 from app.jobs.jobs import POLL_S, Jobs
@@ -11,32 +12,21 @@ from app.jobs.jobs import POLL_S, Jobs
 
 @dataclass(eq=False)
 class Topic:
-    """One job that somebody listens to: what is known of its history."""
+    """One job that somebody listens to: what was known of its history when it was last read."""
 
     events: list[JobEvent] = field(default_factory=list)
-    ended: bool = False
-    error: BaseException | None = None
-    listeners: int = 0
-    news: asyncio.Event = field(default_factory=asyncio.Event)
-
-    def tell(self) -> None:
-        """Wake whoever waits for news."""
-        self.news.set()
-        self.news = asyncio.Event()
+    over: bool = False
+    read_at: float = float("-inf")
+    reading: asyncio.Lock = field(default_factory=asyncio.Lock)
 
 
 class JobFeed:
-    """Follows jobs while somebody listens. A listener costs neither a thread nor a look into the database.
+    """Follows jobs while somebody listens. A listener costs neither a thread nor a look into the database."""
 
-    Args:
-        jobs: opens the jobs.
-    """
-
-    def __init__(self, jobs: Callable[[], Jobs]) -> None:
+    def __init__(self, jobs: Jobs) -> None:
         self._jobs = jobs
-        self._topics: dict[str, Topic] = {}
+        self._topics: WeakValueDictionary[str, Topic] = WeakValueDictionary()
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="job feed")
-        self._reading: asyncio.Task[None] | None = None
 
     async def follow(self, job_id: str, *, after: int, patience_s: float) -> AsyncIterator[JobEvent | None]:
         """Yield the history after event number `after`, then what happens until the job ends.
@@ -44,60 +34,27 @@ class JobFeed:
         Yields None when nothing happened for `patience_s` [s].
         """
         topic = self._topics.setdefault(job_id, Topic())
-        topic.listeners += 1
-        if self._reading is None or self._reading.done():
-            self._reading = asyncio.create_task(self._read())
-        number = after + 1
-        try:
-            while True:
-                news = topic.news
-                while number < len(topic.events):
-                    yield topic.events[number]
-                    number += 1
-                if topic.error is not None:
-                    raise topic.error
-                if topic.ended:
-                    return
-                try:
-                    async with asyncio.timeout(patience_s):
-                        await news.wait()
-                except TimeoutError:
-                    yield None
-        finally:
-            topic.listeners -= 1
-            if topic.listeners == 0 and self._topics.get(job_id) is topic:
-                del self._topics[job_id]
+        loop = asyncio.get_running_loop()
+        number, heard_at = after + 1, loop.time()
+        while True:
+            async with topic.reading:
+                if loop.time() - topic.read_at >= POLL_S:
+                    found, topic.over = await loop.run_in_executor(self._reader, self._news, job_id, topic)
+                    topic.events += found
+                    topic.read_at = loop.time()
+            for event in topic.events[number:]:
+                yield event
+                number, heard_at = event.number + 1, loop.time()
+            if topic.over:
+                return
+            if loop.time() - heard_at >= patience_s:
+                heard_at = loop.time()
+                yield None
+            await asyncio.sleep(POLL_S)
 
     def close(self) -> None:
         """Read no more."""
         self._reader.shutdown(wait=False, cancel_futures=True)
 
-    async def _read(self) -> None:
-        loop = asyncio.get_running_loop()
-        try:
-            while self._topics:
-                for job_id, topic in list(self._topics.items()):
-                    if topic.ended:
-                        continue
-                    events, topic.ended = await loop.run_in_executor(
-                        self._reader, self._news, job_id, len(topic.events)
-                    )
-                    topic.events += events
-                    if events or topic.ended:
-                        topic.tell()
-                await asyncio.sleep(POLL_S)
-        except BaseException as error:  # whoever listens breaks off, comes back and is told
-            for topic in self._topics.values():
-                topic.error = error
-                topic.tell()
-            self._topics.clear()
-            raise
-
-    def _news(self, job_id: str, known: int) -> tuple[list[JobEvent], bool]:
-        """Return the events from number `known` on that there are now, and whether none will follow."""
-        found: list[JobEvent] = []
-        for event in self._jobs().events(job_id, after=known - 1, patience_s=0.0):
-            if event is None:
-                return found, False
-            found.append(event)
-        return found, True
+    def _news(self, job_id: str, topic: Topic) -> tuple[Sequence[JobEvent], bool]:
+        return self._jobs.news(job_id, after=len(topic.events) - 1)

@@ -1,4 +1,4 @@
-"""What a job is, in words of its own: apart from the job engine, so that a name does not cost its import."""
+"""What a job is, apart from its rows: a name does not cost the import of a database."""
 
 from __future__ import annotations
 

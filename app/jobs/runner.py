@@ -1,9 +1,9 @@
-"""A worker of jobs, on the job engine (DBOS).
+"""A worker of jobs: claims steps, does them and writes what became of them.
 
-A job of a kind is planned into tasks of 1 to 10 s, the tasks wait in a queue in the database, and every worker takes
-one at a time. A task may run again after its worker died, so `JobKind.run` has to give the same result, and leave the
-same behind, when it is repeated. What a worker does is written only while it holds its lease
-(`casebase.store.leases`); the engine, likewise, takes a result only from the one that claimed the task last.
+A job is planned into tasks of 1 to 10 s; when they are done, it is finished. A step is claimed by writing the worker's
+lease (`casebase.store.leases`) into its row, and is free again once that lease has ended. Whatever a worker writes is
+committed only while it holds its lease. A step may be done again after its worker died, so `JobKind.run` has to give
+the same result, and leave the same behind, when it is repeated.
 """
 
 from __future__ import annotations
@@ -11,31 +11,37 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from typing import Any, TypeVar
 
 import structlog
-from dbos import DBOS, DBOSConfig, DBOSPortableJSONSerializer, SetEnqueueOptions, SetWorkflowID, WorkflowStatus
+from sqlalchemy import and_, case, delete, func, or_, select, tuple_, update
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+from sqlalchemy.orm import Session
 
-from app.jobs.job import JobFailedError, JobKind, Json
-from app.jobs.jobs import ACTOR, APPLICATION, JOBS, POLL_S, PROGRESS, STATES, TASKS, VERSION, Jobs, prepare, reason_of
+from app.jobs.job import JobKind, JobState, JobStateError, Json, Progress
+from app.jobs.jobs import ACTOR, OVER, POLL_S
 from app.storage_faults import is_passing
 from casebase.errors import LeaseLostError, StaleVersionError
 from casebase.library import CaseLibrary
 from casebase.store import leases
 from casebase.store.leases import BEATS, LEASE_S, Silence
+from casebase.store.models import JobStep, StoredJob, StoredJobEvent, WorkerLease, now
 
-WAITING_JOBS_PER_WORKER = 16  # a waiting job costs a sleeping thread, its tasks do the work
+LANES = (("task",), ("plan", "finish"), ("plan", "finish"), ("plan", "finish"))
+"""What the threads of a worker do: one at a time of the tasks, and some beside it of what may wait for a network."""
+MOST_LOST = 20
 RETRY_S = 1.0
-FINISHING_S = 1
+FINISHING_S = 1.0
 """What is under way when a worker is told to stop is given so long; it may be minutes of work, and is done again."""
 LEAVING_S = 4.0
 """In all a worker ends within 5 s of being told, with or without a database; who runs containers kills after 10 s."""
+REPORTED = 0.005
+"""A step that is less further says nothing of it."""
 LOG = structlog.get_logger(__name__)
 Done = TypeVar("Done")
+Key = tuple[str, int]
 
 
 def run_worker(
@@ -58,65 +64,68 @@ def run_worker(
     Returns:
         Whether the lease was lost: the worker is to begin anew.
     """
-    unfenced = CaseLibrary(library.engine, library.data_dir)
-    with unfenced.transaction(name) as session:
-        lease = leases.take(session, name, lease_s)
-    library.lease = lease
-    worker = _Worker(unfenced, Jobs(unfenced, [kind.name for kind in kinds]), lease, lease_s, stop)
-    prepare(worker.jobs.url)
-    config: DBOSConfig = {
-        "name": APPLICATION,
-        "system_database_url": worker.jobs.url,
-        "application_version": VERSION,
-        "executor_id": lease,
-        "serializer": DBOSPortableJSONSerializer(),
-        "log_level": "WARNING",
-        "enable_otlp": False,
-        "use_listen_notify": False,
-        "notification_listener_polling_interval_sec": POLL_S,
-    }
-    DBOS(config=config)
-    _register({kind.name: kind for kind in kinds}, worker)
-    DBOS.listen_queues([JOBS, TASKS])
-    DBOS.launch()
-    DBOS.register_queue(JOBS, worker_concurrency=WAITING_JOBS_PER_WORKER, polling_interval_sec=POLL_S)
-    DBOS.register_queue(TASKS, worker_concurrency=1, polling_interval_sec=0.25)
-    LOG.info("worker waits for jobs", worker=lease)
-    for work in (worker.beat, worker.tend):
-        threading.Thread(target=work, name=work.__name__, daemon=True).start()
+    worker = Worker.begin(library, kinds, name, stop, lease_s)
+    lanes = [threading.Thread(target=worker.work, args=(steps,), daemon=True) for steps in LANES]
+    for thread in (threading.Thread(target=worker.beat, daemon=True), *lanes):
+        thread.start()
+    LOG.info("worker waits for jobs", worker=worker.lease)
     while not stop.wait(POLL_S):
         if parent is not None and os.getppid() != parent:
             stop.set()
     if not worker.lost:
-        leaving = threading.Thread(target=worker.give_back, daemon=True)
+        leaving = threading.Thread(target=worker.give_back, args=(lanes,), daemon=True)
         leaving.start()
         leaving.join(LEAVING_S)
     return worker.lost
 
 
+@dataclass(frozen=True)
+class Claim:
+    """A step that this worker does."""
+
+    key: Key
+    step: str
+    kind: JobKind
+    parameters: dict[str, Json]
+    results: list[Json]
+    """Of the tasks, for the step that makes one of them."""
+
+
 @dataclass
-class _Worker:
-    """What a worker does beside its tasks."""
+class Worker:
+    """One worker with its lease: `library` writes only while that lasts, `unfenced` always."""
 
     library: CaseLibrary
-    jobs: Jobs
+    unfenced: CaseLibrary
+    kinds: Mapping[str, JobKind]
     lease: str
     lease_s: float
     stop: threading.Event
     lost: bool = False
-    running: set[str] = field(default_factory=set)
-    """Jobs and tasks that threads of this process are at."""
+    running: set[Key] = field(default_factory=set)
+    """Steps that threads of this process are at."""
+    claiming: threading.Lock = field(default_factory=threading.Lock)
+
+    @classmethod
+    def begin(
+        cls, library: CaseLibrary, kinds: Sequence[JobKind], name: str, stop: threading.Event, lease_s: float = LEASE_S
+    ) -> Worker:
+        """Take a lease, by which from now on all that is written into this library is fenced."""
+        unfenced = CaseLibrary(library.engine, library.data_dir)
+        with unfenced.transaction(name) as session:
+            library.lease = leases.take(session, name, lease_s)
+        return cls(library, unfenced, {kind.name: kind for kind in kinds}, library.lease, lease_s, stop)
 
     def beat(self) -> None:
         """Keep the lease, and end those of workers that fell silent."""
         silence = Silence(self.lease_s / BEATS)
         while not self.stop.wait(silence.beat_s):
             try:
-                with self.library.transaction(ACTOR) as session:
+                with self.unfenced.transaction(ACTOR) as session:
                     leases.beat(session, self.lease)
                     others = [each for each in leases.held(session) if each.id != self.lease]
                 for other, beats in silence.after_beat(others):
-                    with self.library.transaction(ACTOR) as session:
+                    with self.unfenced.transaction(ACTOR) as session:
                         ended = leases.end(session, other, beats)
                     if ended:
                         LOG.warning("a worker fell silent; others take over what it had in hand", worker=other)
@@ -127,45 +136,33 @@ class _Worker:
             except SQLAlchemyError as error:
                 LOG.warning("no beat of this worker: the database does not take it", error=str(error))
 
-    def tend(self) -> None:
-        """See that the engine has every job that was ordered, and that every claim is somebody's."""
-        since: dict[str, float] = {}
-        while not self.stop.wait(POLL_S):
+    def work(self, steps: Sequence[str]) -> None:
+        """Do steps of these sorts, one after the other."""
+        while not self.stop.is_set():
             try:
-                self.jobs.agree()
-                claims = self.jobs.claims()
-                with self.library.reading() as session:  # after the claims: nobody claims before he has a lease
-                    living = {each.id for each in leases.held(session)}
-                dead = set(claims.values()) - living
-                if dead:
-                    DBOS._recover_pending_workflows(sorted(dead))
-                # a claim whose confirmation got lost with the connection is nobody's work
-                idle = [each for each, lease in claims.items() if lease == self.lease and each not in self.running]
-                since = {each: since.get(each, time.monotonic()) for each in idle}
-                forgotten = [each for each in idle if time.monotonic() - since[each] > self.lease_s]
-                self.jobs.put_back(forgotten)
+                if not self.do_one(steps):
+                    self.stop.wait(POLL_S)
             except SQLAlchemyError as error:
-                LOG.warning("the database does not say what there is to do", error=str(error))
+                LOG.warning("the database does not take what became of a step", error=str(error))
+                self.stop.wait(RETRY_S)
 
-    def give_back(self) -> None:
-        """Put what is not finished back into the queue, and end the lease."""
-        DBOS.destroy(workflow_completion_timeout_sec=FINISHING_S)
-        self.jobs.put_back([each for each, lease in self.jobs.claims().items() if lease == self.lease])
-        with self.library.transaction(ACTOR) as session:
-            leases.end(session, self.lease)
-
-    @contextmanager
-    def at(self, claimed: str) -> Iterator[None]:
-        """While this process is at a job or task; what fails while the worker stops, and all is taken down, stays."""
-        self.running.add(claimed)
+    def do_one(self, steps: Sequence[str]) -> bool:
+        """Do the next step of these sorts; whether there was one."""
+        claim = self.patiently(self._claim, steps)
+        if claim is None:
+            return False
         try:
-            yield
-        except Exception:
+            self.patiently(self._close, claim, self.patiently(self._result, claim))
+        except JobStateError:
+            self.patiently(self._close, claim, None)
+        except Exception as error:
             if self.stop.is_set():
-                raise SystemExit from None
-            raise
+                return False  # what fails while all is taken down stays, for another worker
+            LOG.warning("a step of a job failed", job=claim.key[0], number=claim.key[1], exc_info=True)
+            self.patiently(self._close, claim, None, error)
         finally:
-            self.running.discard(claimed)
+            self.running.discard(claim.key)
+        return True
 
     def patiently(self, work: Callable[..., Done], *arguments: Any) -> Done:
         """Do a piece of work, again for as long as the database is away, or where somebody else was at it.
@@ -187,86 +184,132 @@ class _Worker:
             if self.stop.wait(RETRY_S):
                 raise SystemExit
 
+    def give_back(self, lanes: Sequence[threading.Thread]) -> None:
+        """Put what is not finished back into the queue, and end the lease."""
+        until = time.monotonic() + FINISHING_S
+        for thread in lanes:
+            thread.join(max(0.0, until - time.monotonic()))
+        mine = StoredJob.worker == self.lease, StoredJob.state == "running"
+        with self.unfenced.transaction(ACTOR) as session:
+            session.execute(update(StoredJob).where(*mine).values(state="queued", worker=None))
+            session.execute(update(JobStep).where(JobStep.lease == self.lease).values(lease=None))
+            leases.end(session, self.lease)
 
-def _register(kinds: Mapping[str, JobKind], worker: _Worker) -> None:
-    def run_task(kind: str, task: dict[str, Json]) -> Json:
-        task_id = DBOS.workflow_id
-        assert task_id is not None
+    def _claim(self, steps: Sequence[str]) -> Claim | None:
+        # a claim whose confirmation got lost with the connection is nobody's work: it is claimed again
+        forgotten = and_(JobStep.lease == self.lease, tuple_(JobStep.job_id, JobStep.number).not_in(self.running))
+        priority = case({name: kind.priority for name, kind in self.kinds.items()}, value=StoredJob.kind)
+        statement = (
+            select(JobStep)
+            .join(StoredJob)
+            .where(
+                JobStep.step.in_(steps),
+                JobStep.done.is_(False),
+                or_(JobStep.lease.is_(None), JobStep.lease.not_in(select(WorkerLease.id)), forgotten),
+                StoredJob.finished_at.is_(None),
+                StoredJob.kind.in_(self.kinds),
+                or_(StoredJob.not_before.is_(None), StoredJob.not_before <= now()),
+            )
+            .order_by(priority, StoredJob.created_at, StoredJob.id, JobStep.number)
+        )
+        with self.claiming:
+            with self.library.transaction(ACTOR) as session:
+                step = session.scalars(statement.limit(1).with_for_update(of=JobStep, skip_locked=True)).first()
+                job = None if step is None else session.get(StoredJob, step.job_id, with_for_update=True)
+                if step is None or job is None or job.state in OVER:
+                    return None
+                step.lost += step.lease not in (None, self.lease)
+                if step.lost > MOST_LOST:
+                    _end(session, job, "failed", error="given up: worker after worker died while at it")
+                    return None
+                step.lease, step.fraction = self.lease, 0.0
+                if job.state == "queued":
+                    job.state, job.started_at = "running", now()
+                    job.started_fraction = float(str(job.progress.get("fraction", 0.0)))
+                job.worker = self.lease
+                done = [] if step.step != "finish" else session.scalars(_tasks(job.id).order_by(JobStep.number)).all()
+                parameters: Any = step.parameters if step.step == "task" else job.parameters
+                results = [each.result for each in done]
+                claim = Claim((job.id, step.number), step.step, self.kinds[job.kind], parameters, results)
+            self.running.add(claim.key)
+        return claim
+
+    def _result(self, claim: Claim) -> Any:
+        if claim.step == "plan":
+            return claim.kind.plan(claim.parameters)
+        if claim.step == "finish":
+            return claim.kind.finish(claim.parameters, claim.results)
+        last = "", 0.0
 
         def report(stage: str, fraction: float) -> None:
-            DBOS.update_workflow_attributes(task_id, {"stage": stage, "fraction": fraction}, merge=True)
+            nonlocal last
+            if stage != last[0] or fraction - last[1] >= REPORTED:
+                last = stage, fraction
+                self.patiently(self._report, claim, stage, fraction)
 
-        with worker.at(task_id):
-            return DBOS.run_step({"name": "run"}, worker.patiently, kinds[kind].run, task, report)
+        return claim.kind.run(claim.parameters, report)
 
-    task_workflow = DBOS.workflow(name="task", max_recovery_attempts=20)(run_task)
+    def _report(self, claim: Claim, stage: str, fraction: float) -> None:
+        with self.library.transaction(ACTOR) as session:
+            job = session.get_one(StoredJob, claim.key[0], with_for_update=True)
+            step = session.get(JobStep, claim.key)
+            if step is None or job.state in OVER:
+                raise JobStateError(f"job {job.id} is {job.state}")
+            step.fraction = fraction
+            _note(session, job, stage)
 
-    def run_job(kind: str, parameters: dict[str, Json]) -> Json:
-        job_id = DBOS.workflow_id
-        assert job_id is not None
-        this = kinds[kind]
-        with worker.at(job_id):
-            tasks = DBOS.run_step({"name": "plan"}, worker.patiently, this.plan, parameters)
-            for number, task in enumerate(tasks):
-                with SetWorkflowID(f"{job_id}/{number}"), SetEnqueueOptions(priority=this.priority):
-                    DBOS.enqueue_workflow(TASKS, task_workflow, kind, task)
-            DBOS.run_step({"name": "wait"}, _wait, job_id, this.stage, len(tasks), worker.stop)
-            return DBOS.run_step({"name": "finish"}, worker.patiently, _finish, this, job_id, parameters)
-
-    DBOS.workflow(name="job", max_recovery_attempts=1000)(run_job)
-
-
-def _wait(job_id: str, stage: str, total: int, stop: threading.Event) -> None:
-    """Return when all tasks are done; write the progress on the way. Raises JobFailedError."""
-    started, done_before, last = time.monotonic(), None, None
-    while not stop.is_set():
-        tasks = DBOS.list_workflows(parent_workflow_id=job_id, load_input=False, load_output=False)
-        failed = [task.workflow_id for task in tasks if STATES[task.status] == "failed"]
-        if failed:
-            DBOS.cancel_workflows([task.workflow_id for task in tasks if _open(task)])
-            reason = reason_of(DBOS.list_workflows(workflow_ids=failed[:1])[0])
-            raise JobFailedError(f"task {failed[0].rpartition('/')[2]}: {reason}")
-        done = sum(task.status == "SUCCESS" for task in tasks)
-        done_before = done if done_before is None else done_before
-        progress = _progress(tasks, stage, done, total, time.monotonic() - started, done_before)
-        if progress["done"] == total or last is None or _moved(last, progress):
-            DBOS.write_stream(PROGRESS, progress)
-            DBOS.update_workflow_attributes(job_id, progress, merge=True)
-            last = progress
-        if done == total:
-            return
-        stop.wait(POLL_S)
-    raise SystemExit  # the job stays where it is, for this worker's next life or another worker
-
-
-def _progress(
-    tasks: Sequence[WorkflowStatus], stage: str, done: int, total: int, elapsed_s: float, done_before: int
-) -> dict[str, Any]:
-    running = [task.attributes or {} for task in tasks if task.status == "PENDING"]
-    fraction = (done + sum(float(task.get("fraction", 0.0)) for task in running)) / max(total, 1)
-    gained = fraction - done_before / max(total, 1)
-    estimable = gained > 0 and elapsed_s > 2 * POLL_S
-    stages = [str(task["stage"]) for task in running if "stage" in task]
-    return {
-        "stage": stages[0] if stages else stage,
-        "fraction": round(min(fraction, 1.0), 4),
-        "done": done,
-        "total": total,
-        "remaining_s": round((1.0 - fraction) * elapsed_s / gained, 1) if estimable else None,
-    }
+    def _close(self, claim: Claim, result: Any, error: Exception | None = None) -> None:
+        """Write what became of a step; of a job that was cancelled meanwhile it is done again if that is resumed."""
+        with self.library.transaction(ACTOR) as session:
+            job = session.get_one(StoredJob, claim.key[0], with_for_update=True)
+            step = session.get(JobStep, claim.key)
+            if step is None or step.lease != self.lease:
+                return  # that was written, and its confirmation got lost with the connection
+            step.lease = None
+            if job.state in OVER:
+                return
+            if error is not None:
+                of = f"task {step.number}: " if step.step == "task" else ""
+                _end(session, job, "failed", error=f"{of}{error}")
+            elif step.step == "finish":
+                _end(session, job, "done", result=result)
+            else:
+                step.done, step.fraction = True, 1.0
+                if step.step == "plan":
+                    session.add_all(
+                        JobStep(job_id=job.id, number=number, step="task", parameters=task)
+                        for number, task in enumerate(result)
+                    )
+                else:
+                    step.result = result
+                progress = _note(session, job, claim.kind.stage)
+                if progress.done == progress.total:
+                    session.add(JobStep(job_id=job.id, number=progress.total, step="finish"))
 
 
-def _moved(before: dict[str, Any], after: dict[str, Any]) -> bool:
-    return any(before[name] != after[name] for name in ("stage", "done")) or (
-        after["fraction"] - before["fraction"] >= 0.005
-    )
+def _tasks(job_id: str) -> Any:
+    return select(JobStep).where(JobStep.job_id == job_id, JobStep.step == "task")
 
 
-def _open(task: WorkflowStatus) -> bool:
-    return STATES[task.status] in ("queued", "running")
+def _note(session: Session, job: StoredJob, stage: str) -> Progress:
+    """Write down how far a job is, the remaining time as estimated from its pace since it runs."""
+    session.flush()
+    counts = func.count(), func.count().filter(JobStep.done), func.coalesce(func.sum(JobStep.fraction), 0.0)
+    total, done, gone = session.execute(select(*counts).where(JobStep.job_id == job.id, JobStep.step == "task")).one()
+    fraction = min(float(gone) / max(total, 1), 1.0)
+    elapsed_s = 0.0 if job.started_at is None else (now() - job.started_at).total_seconds()
+    gained = fraction - job.started_fraction
+    remaining_s = round((1.0 - fraction) * elapsed_s / gained, 1) if gained > 0 and elapsed_s > 2 * POLL_S else None
+    progress = Progress(stage, round(fraction, 4), done, total, remaining_s)
+    job.progress = asdict(progress)
+    number = session.scalar(select(func.count()).where(StoredJobEvent.job_id == job.id))
+    session.add(StoredJobEvent(job_id=job.id, number=number, progress=job.progress))
+    return progress
 
 
-def _finish(kind: JobKind, job_id: str, parameters: dict[str, Json]) -> Json:
-    tasks = DBOS.list_workflows(parent_workflow_id=job_id, load_input=False)
-    ordered = sorted(tasks, key=lambda task: int(task.workflow_id.rpartition("/")[2]))
-    return kind.finish(parameters, [task.output for task in ordered])
+def _end(session: Session, job: StoredJob, state: JobState, result: Json = None, error: str | None = None) -> None:
+    job.state, job.result, job.error, job.worker, job.finished_at = state, result, error, None, now()
+    if state == "done":
+        total = job.progress.get("total", 0)
+        job.progress = {"stage": "done", "fraction": 1.0, "done": total, "total": total, "remaining_s": 0.0}
+    session.execute(delete(JobStep).where(JobStep.job_id == job.id))

@@ -29,13 +29,17 @@ import structlog
 from app.http.concurrency_limiter import ConcurrencyLimiter
 from app.http.metrics import Metrics
 from app.http.security import COOKIE, csrf_token
-from app.jobs.job import Json
+from app.jobs.job import JobKind, Json, Report
+from app.jobs.jobs import Jobs
+from app.jobs.runner import LANES, Worker
 from app.main import create_app
 from app.service import Service
 from app.settings import Settings
-from benchmarks.chaos.orders import AXIS, ORDERS, PAGES, Known, Options, counts, fill, ghosts
+from benchmarks.chaos.orders import ORDERS, PAGES, Known, Options, counts, fill, ghosts
 from benchmarks.chaos.points import CrashPoint
 from benchmarks.harness import postgres
+from casebase.library import CaseLibrary
+from casebase.store import leases
 
 MOST_POINTS = 400
 APP = create_app(Settings())
@@ -153,7 +157,7 @@ class Tally:
 
 
 @dataclass(frozen=True)
-class Campaign:
+class Crashes:
     """Crash points of one database."""
 
     ground: Ground
@@ -213,37 +217,35 @@ class Campaign:
                 tally.wrong.append(f"{where}: the repetition was not known")
         return tally
 
-    def engine(self, name: str, most: int) -> Tally:
-        """Crash points where the engine is told of a job: of its order, of its end before time, of going on."""
-        steps = ENGINE[name]
-
-        def whole(service: Service) -> Json:
-            point = CrashPoint(0)
-            point.install()
-            steps[-1](service, point)
-            return list(point.passed)
-
-        def begun(service: Service, at: int) -> Json:
-            point = CrashPoint(at)
-            point.install()
-            steps[-1](service, point)
-            return None
+    def job(self, name: str, most: int) -> Tally:
+        """Crash points of a worker that does a job, of its end before time, and of going on; then a worker does it."""
+        steps = JOBS[name]
 
         def before(service: Service) -> Json:
             for step in steps[:-1]:
                 step(service, None)
             return None
 
+        def begun(service: Service, at: int) -> Json:
+            point = CrashPoint(at)
+            point.install()
+            steps[-1](service, point)
+            return list(point.passed)
+
         def after(service: Service) -> Json:
-            service.jobs.agree()
-            service.jobs.agree()
-            jobs = service.jobs.list()
-            known = service.jobs._client.list_workflows(load_input=False)
-            return {"jobs": [(job.id, job.state) for job in jobs], "engine": [(e.workflow_id, e.status) for e in known]}
+            jobs = _jobs(service)
+            known = jobs.get(JOB)
+            if known.state == "cancelled":
+                jobs.resume(JOB)
+            _worked(service, None)
+            job = jobs.get(JOB)
+            events, over = jobs.news(JOB)
+            gaps = [each.number for each in events] != list(range(len(events)))
+            return {"before": known.state, "state": job.state, "result": job.result, "over": over, "gaps": gaps}
 
         with self.ground.copy(next(self.numbers)) as settings:
             apart(settings, before)
-            passed = apart(settings, whole).given
+            passed = apart(settings, lambda service: begun(service, 0)).given
         tally = Tally(of=len(passed))
         for at in self._some(len(passed), most):
             where = f"{name}, killed at {at} ({passed[at - 1]})"
@@ -252,7 +254,8 @@ class Campaign:
                 apart(settings, lambda service, at=at: begun(service, at))  # type: ignore[misc]
                 found = apart(settings, after).given
             tally.points += 1
-            if found is None or (found["jobs"], found["engine"]) not in expected(name, at, len(passed)):
+            wanted = {"state": "done", "result": [0, 1, 2], "over": True, "gaps": False}
+            if found is None or found.pop("before") not in STATES[name] or found != wanted:
                 tally.wrong.append(f"{where}: {found}")
         return tally
 
@@ -265,14 +268,38 @@ JOB = "chaos-job"
 Step = Callable[[Service, CrashPoint | None], None]
 
 
+def _run(task: dict[str, Json], report: Report) -> Json:
+    report("counting", 0.5)
+    return task["number"]
+
+
+KIND = JobKind("count", "counting", lambda _: [{"number": each} for each in range(3)], _run, lambda _, results: results)
+
+
+def _jobs(service: Service) -> Jobs:
+    return Jobs(service.library, (KIND.name,))
+
+
 def _submitted(service: Service, _: CrashPoint | None) -> None:
-    parameters: dict[str, Json] = json.loads(json.dumps({"axis": AXIS}))
-    service.jobs.submit("simulations", parameters, job_id=JOB)
+    _jobs(service).submit(KIND.name, {}, job_id=JOB)
+
+
+def _worked(service: Service, point: CrashPoint | None) -> None:
+    """A worker that does all there is to do, after those before it have fallen silent."""
+    library = CaseLibrary(service.library.engine, service.library.data_dir)
+    with service.library.transaction("chaos") as session:
+        for lease in leases.held(session):
+            leases.end(session, lease.id)
+    worker = Worker.begin(library, [KIND], "chaos", threading.Event())
+    if point:
+        point.armed = True
+    while sum(worker.do_one(lane) for lane in LANES):
+        pass
+    worker.give_back(())
 
 
 def _armed(do: Callable[[Service], object]) -> Step:
     def step(service: Service, point: CrashPoint | None) -> None:
-        _ = service.jobs._client  # its tables are there: a migration is not what is tried here
         if point:
             point.armed = True
         do(service)
@@ -280,21 +307,19 @@ def _armed(do: Callable[[Service], object]) -> Step:
     return step
 
 
-_agreed = _armed(lambda service: service.jobs.agree())
-_cancelled = _armed(lambda service: service.jobs.cancel(JOB))
-_resumed = _armed(lambda service: service.jobs.resume(JOB))
-ENGINE: dict[str, Sequence[Step]] = {
-    "engine: order": (_submitted, _agreed),
-    "engine: cancel": (_submitted, _agreed, _cancelled),
-    "engine: resume": (_submitted, _agreed, _cancelled, _resumed),
+_cancelled = _armed(lambda service: _jobs(service).cancel(JOB))
+_resumed = _armed(lambda service: _jobs(service).resume(JOB))
+JOBS: dict[str, Sequence[Step]] = {
+    "job: done": (_submitted, _worked),
+    "job: cancelled": (_submitted, _cancelled),
+    "job: resumed": (_submitted, _cancelled, _resumed),
 }
-
-
-def expected(name: str, at: int, of: int) -> list[Any]:
-    """What may be afterwards: the job as it was or as it was to be, and the engine of the same opinion."""
-    queued = ([[JOB, "queued"]], [[JOB, "ENQUEUED"]])
-    cancelled = ([[JOB, "cancelled"]], [[JOB, "CANCELLED"]])
-    return {"engine: order": [queued], "engine: cancel": [queued, cancelled]}.get(name, [cancelled, queued])
+STATES = {
+    "job: done": ("queued", "running", "done"),
+    "job: cancelled": ("queued", "cancelled"),
+    "job: resumed": ("queued", "cancelled"),
+}
+"""What a job may be when its worker, or who asked for it, was killed."""
 
 
 def warm_up() -> None:
@@ -302,8 +327,7 @@ def warm_up() -> None:
 
     The threads of it end with its loop.
     """
-    for name in ("dbos", "scipy.stats"):
-        import_module(name)
+    import_module("scipy.stats")
     structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.CRITICAL))
 
     async def run() -> None:
@@ -340,9 +364,9 @@ def run(
     with ground(folder, database) as (made, known):
         for place, name in enumerate(names, 1):
             until = started + seconds * place / len(names)  # what an order leaves of its share is for the next ones
-            campaign = Campaign(made, known, numbers, until, chance)
-            found[name] = (campaign.engine if name in ENGINE else campaign.order)(name, most)
+            crashes = Crashes(made, known, numbers, until, chance)
+            found[name] = (crashes.job if name in JOBS else crashes.order)(name, most)
     return found
 
 
-ALL = (*ORDERS, *PAGES, *ENGINE)
+ALL = (*ORDERS, *PAGES, *JOBS)

@@ -17,7 +17,6 @@ from pathlib import Path
 from sqlalchemy import func, select
 
 from app.jobs.jobs import OVER, Jobs
-from app.jobs.kinds import jobs_in
 from app.simulated.generation import KIND, Campaign
 from benchmarks.chaos.orders import AXIS
 from benchmarks.harness import postgres
@@ -91,8 +90,7 @@ class Site:
             return next((each.id for each in leases.held(session) if each.id.startswith(f"{machine}-")), None)
 
     def at_work(self, machine: str) -> bool:
-        lease = self.lease_of(machine)
-        return lease is not None and any("/" in task for task, by in self.jobs.claims().items() if by == lease)
+        return self.lease_of(machine) in self.jobs.workers()
 
     def until(self, what: str, holds: Callable[[], bool]) -> float:
         """Wait until something is so; how long it took [s]."""
@@ -113,7 +111,7 @@ def run(folder: Path, *, cases: int, duration_s: float, lease_s: float) -> tuple
         data_dir = folder / "data"
         library = CaseLibrary.open(data_dir, postgres.create_database(server.url, "chaos"))
         stack.callback(library.close)
-        jobs = stack.enter_context(jobs_in(library))
+        jobs = Jobs(library)
         site = Site(names, data_dir, library, jobs, lease_s)
         stack.callback(lambda: [(worker.kill(), worker.wait()) for worker in site.workers])
         campaign = Campaign(read_axis(AXIS), {"normal": cases}, seed=1, duration_s=duration_s)

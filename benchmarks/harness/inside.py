@@ -82,7 +82,7 @@ def inside(data_dir: Path, database_url: str | None = None) -> Iterator[Inside]:
 
 @dataclass
 class ListedJobs:
-    """Jobs as they are told, without an engine: stands for `app.jobs.jobs.Jobs` where only their documents matter."""
+    """Jobs as they are told: stands for `app.jobs.jobs.Jobs` where only their documents matter."""
 
     jobs: list[Job] = field(default_factory=list)
 
@@ -111,5 +111,3 @@ class ListedJobs:
 
     def workers(self) -> dict[str, int]:
         return {}
-
-    def close(self) -> None: ...

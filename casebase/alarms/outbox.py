@@ -1,7 +1,7 @@
 """Receivers, and the outbox: messages that are to be sent, each written in the transaction of what it tells.
 
-A message and the job that is to send it are there exactly if what it tells is there. The job engine and the network
-are the matter of `app.alarms`.
+A message and the job that is to send it are there exactly if what it tells is there. Workers and the network
+are the matter of `app.jobs` and `app.alarms`.
 """
 
 import base64
@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 from casebase.description import check_choice
 from casebase.errors import ConflictError, InvalidRequestError, NotFoundError
 from casebase.store import audit
-from casebase.store.models import RECEIVER_KINDS, AlarmReceiver, AlarmRule, Delivery, StoredJob, new_id, now
+from casebase.store.models import RECEIVER_KINDS, AlarmReceiver, AlarmRule, Delivery, JobStep, StoredJob, new_id, now
 from casebase.store.pagination import Page, page
 
 KIND = "deliveries"
@@ -132,7 +132,7 @@ def post_test(session: Session, receiver_id: str) -> Delivery:
 
 def order(session: Session, delivery: Delivery, not_before: datetime | None = None) -> None:
     """Order the job that makes the next attempt; a job that was ordered before may not any more."""
-    job = StoredJob(id=new_id(), kind=KIND, submitted_by="alarms", not_before=not_before)
+    job = StoredJob(id=new_id(), kind=KIND, submitted_by="alarms", not_before=not_before, steps=[JobStep()])
     job.parameters = {"delivery": delivery.id, "job": job.id}
     session.add(job)
     delivery.state, delivery.job_id, delivery.next_at = "waiting", job.id, not_before

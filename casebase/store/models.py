@@ -284,7 +284,7 @@ class StoredInvestigation(Base):
 
 
 class StoredJob(Base):
-    """A job as it was ordered and how it ended; how far it is in between, the job engine knows.
+    """A job: what was ordered, how far it is and how it ended.
 
     It is stored in the transaction of what orders it, so that there is a job exactly if that was acknowledged.
     """
@@ -295,17 +295,21 @@ class StoredJob(Base):
     kind: Mapped[str] = mapped_column(String(100))
     parameters: Mapped[dict[str, object]] = mapped_column(deferred=True)
     state: Mapped[str] = mapped_column(String(20), default="queued")
-    """What is wanted of it, `queued` or `cancelled`; once it is over what became of it, `done`, `failed` too."""
+    """`queued`, `running`; `done`, `failed`, `cancelled` once it is over."""
     progress: Mapped[dict[str, object]] = mapped_column(default=dict)
-    """How far it was at its end."""
     result: Mapped[Any | None] = mapped_column(type_json)
     error: Mapped[str | None] = mapped_column(Text)
     created_at: Mapped[datetime] = mapped_column(default=now)
     finished_at: Mapped[datetime | None]
-    """None until the engine has nothing to do for it any more."""
     submitted_by: Mapped[str | None] = mapped_column(String(200))
     not_before: Mapped[datetime | None]
-    """The engine does not hear of it sooner; at once where there is none."""
+    """No worker begins it sooner; at once where there is none."""
+    worker: Mapped[str | None] = mapped_column(String(100))
+    """The lease of the worker that last began something of it, while it runs."""
+    started_at: Mapped[datetime | None]
+    started_fraction: Mapped[float] = mapped_column(default=0.0)
+    """When it began to run, or to go on, and how far it was then: by these the remaining time is estimated."""
+    steps: Mapped[list["JobStep"]] = relationship()
 
     __table_args__ = (
         Index("ix_jobs_created", "created_at", "id"),
@@ -316,6 +320,38 @@ class StoredJob(Base):
             postgresql_where=text("finished_at IS NULL"),
         ),
     )
+
+
+class JobStep(Base):
+    """A piece of a job that one worker does: `plan`, then the tasks that it cut the job into, then `finish`.
+
+    A step that nobody does has no lease, or one that has ended. The steps of a job that is done or failed are removed.
+    """
+
+    __tablename__ = "job_steps"
+
+    job_id: Mapped[str] = mapped_column(ForeignKey("jobs.id"), primary_key=True)
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False, default=-1)
+    """Of a task from 0 on."""
+    step: Mapped[str] = mapped_column(String(20), default="plan")
+    parameters: Mapped[dict[str, Any]] = mapped_column(JSON, default=dict)
+    """Of a task; text in either database, so that the order of its names stays."""
+    lease: Mapped[str | None] = mapped_column(String(100))
+    lost: Mapped[int] = mapped_column(default=0)
+    """Workers that died, or were cut off, while at it."""
+    fraction: Mapped[float] = mapped_column(default=0.0)
+    done: Mapped[bool] = mapped_column(default=False)
+    result: Mapped[Any | None] = mapped_column(JSON)
+
+
+class StoredJobEvent(Base):
+    """One entry of a job's history: how far it was; `number` counts from 0 without gaps."""
+
+    __tablename__ = "job_events"
+
+    job_id: Mapped[str] = mapped_column(ForeignKey("jobs.id"), primary_key=True)
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    progress: Mapped[dict[str, object]]
 
 
 class WorkerLease(Base):

@@ -174,7 +174,32 @@ def create_tables() -> None:
         Column("finished_at", UtcDateTime()),
         Column("submitted_by", sa.String(length=200)),
         Column("not_before", UtcDateTime()),
+        Column("worker", sa.String(length=100)),
+        Column("started_at", UtcDateTime()),
+        Column("started_fraction", sa.Double(), nullable=False),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_jobs")),
+    )
+    op.create_table(
+        "job_steps",
+        Column("job_id", sa.String(length=100), nullable=False),
+        Column("number", sa.Integer(), autoincrement=False, nullable=False),
+        Column("step", sa.String(length=20), nullable=False),
+        Column("parameters", sa.JSON(), nullable=False),
+        Column("lease", sa.String(length=100)),
+        Column("lost", sa.Integer(), nullable=False),
+        Column("fraction", sa.Double(), nullable=False),
+        Column("done", sa.Boolean(), nullable=False),
+        Column("result", sa.JSON()),
+        sa.ForeignKeyConstraint(["job_id"], ["jobs.id"], name=op.f("fk_job_steps_job_id_jobs")),
+        sa.PrimaryKeyConstraint("job_id", "number", name=op.f("pk_job_steps")),
+    )
+    op.create_table(
+        "job_events",
+        Column("job_id", sa.String(length=100), nullable=False),
+        Column("number", sa.Integer(), autoincrement=False, nullable=False),
+        Column("progress", JSON, nullable=False),
+        sa.ForeignKeyConstraint(["job_id"], ["jobs.id"], name=op.f("fk_job_events_job_id_jobs")),
+        sa.PrimaryKeyConstraint("job_id", "number", name=op.f("pk_job_events")),
     )
     op.create_index("ix_jobs_created", "jobs", ["created_at", "id"], unique=False)
     op.create_index(

@@ -8,8 +8,8 @@ from app.jobs import runner
 from casebase.errors import LeaseLostError, StaleVersionError
 
 
-def worker() -> runner._Worker:
-    return runner._Worker(None, None, "lease", 1.0, threading.Event())  # type: ignore[arg-type]
+def worker() -> runner.Worker:
+    return runner.Worker(None, None, {}, "lease", 1.0, threading.Event())  # type: ignore[arg-type]
 
 
 def test_work_that_somebody_else_wrote_at_the_same_time_is_done_again(monkeypatch: pytest.MonkeyPatch) -> None:
