@@ -1,7 +1,8 @@
 """What a mechanism is: an effect that the plain axis lacks, as a pure map of a drive train or of a measurement.
 
 One class per file in the folders beside this one, one line in the catalogue `MECHANISMS`. A class says what it is as
-data (parameters with ranges, equations, source, the signature it leaves); an instance has a place and numbers.
+data (parameters with ranges, the signature it leaves); its docstring has equations and source. An instance has a place
+and numbers.
 """
 
 from __future__ import annotations
@@ -314,8 +315,6 @@ class Mechanism(ABC):
     shown_by: ClassVar[frozenset[Need]] = frozenset()
     """Without one of these it cannot be seen at all."""
     signature: ClassVar[Signature]
-    equations: ClassVar[str]
-    source: ClassVar[str]
     sentence: ClassVar[str] = ""
     """What a finding says, with its numbers in braces; without it, the first line of the docstring and the numbers."""
     action: ClassVar[str] = "Look at the place named here, but change no parts because of it alone."

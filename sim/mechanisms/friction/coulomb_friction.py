@@ -8,7 +8,11 @@ from sim.rotational.drive_train import DriveTrain
 
 
 class CoulombFriction(Mechanics):
-    """Torque against the motion, felt at the motor whichever bearing it sits in."""
+    """Torque against the motion, felt at the motor whichever bearing it sits in.
+
+    Equations: tau = torque sign(w)
+    Source: Coulomb friction with stick: BearingFriction of the Modelica Standard Library 4.1
+    """
 
     name = "coulomb_friction"
     parameters = (Parameter("torque_n_m", "N m", 0.0, 1e4, 0.2),)
@@ -16,8 +20,6 @@ class CoulombFriction(Mechanics):
     locations = only(*ENDS)
     needs = frozenset({Need.BOTH_DIRECTIONS, Need.SEVERAL_SPEEDS})
     signature = Signature("speed", direction="opposite")
-    equations = "tau = torque sign(w)"
-    source = "Coulomb friction with stick: BearingFriction of the Modelica Standard Library 4.1"
     sentence = "Dry friction of {torque_n_m:.3g} N m as felt at the motor is missing from the description."
     action = (
         "Nothing to repair: enter the dry friction in the axis description. If it was lower when the axis was new, "

@@ -13,6 +13,9 @@ class FrictionAsymmetry(Mechanics):
     """Half the difference forward minus backward, of Coulomb and of viscous friction, at the shaft of its location.
 
     Without a location: as felt at the motor, motor and load having each its share of it, as of the friction there.
+
+    Equations: tau = (tau_C +- torque) sign(w) + (d +- coefficient) w, + forward, - backward
+    Source: EMPS benchmark: Janot, Gautier and Brunot, Workshop on Nonlinear System Identification Benchmarks (2019)
     """
 
     name = "friction_asymmetry"
@@ -24,8 +27,6 @@ class FrictionAsymmetry(Mechanics):
     locations = only(None, *ENDS)
     needs = frozenset({Need.BOTH_DIRECTIONS})
     signature = Signature("speed", direction="one")
-    equations = "tau = (tau_C +- torque) sign(w) + (d +- coefficient) w, + forward, - backward"
-    source = "EMPS benchmark: Janot, Gautier and Brunot, Workshop on Nonlinear System Identification Benchmarks (2019)"
     sentence = "Friction differs between the two directions of motion: the axis runs harder one way."
     action = (
         "Zero the torque channel at standstill, because an offset looks nearly the same. Then look for what drags one "

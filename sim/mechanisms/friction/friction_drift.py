@@ -8,7 +8,11 @@ from sim.rotational.drive_train import DriveTrain
 
 
 class FrictionDrift(Mechanics):
-    """All Coulomb and viscous friction times (1 + rate t), at every shaft or at the one of its location."""
+    """All Coulomb and viscous friction times (1 + rate t), at every shaft or at the one of its location.
+
+    Equations: tau = (tau_C sign(w) + d w) (1 + rate t)
+    Source: warming joints: Bittencourt and Gunnarsson, J. Dyn. Syst. Meas. Control 134 (2012) 051013
+    """
 
     name = "friction_drift"
     parameters = (Parameter("rate_per_s", "1/s", -0.1, 0.1, -0.005),)
@@ -17,8 +21,6 @@ class FrictionDrift(Mechanics):
     shown_by = frozenset({Need.BOTH_DIRECTIONS})
     """One way each place is passed once: what changes with the time changes with the place as well."""
     signature = Signature("time", direction="opposite")
-    equations = "tau = (tau_C sign(w) + d w) (1 + rate t)"
-    source = "warming joints: Bittencourt and Gunnarsson, J. Dyn. Syst. Meas. Control 134 (2012) 051013"
     sentence = "Friction changes by {rate_per_s:.2%} per second during the record, as when the gear warms up."
     action = (
         "Warm the axis up before measuring, and log the temperature; if friction rises when warm, check preload and "

@@ -8,7 +8,11 @@ from sim.rotational.drive_train import DriveTrain
 
 
 class StribeckFriction(Mechanics):
-    """On top of Coulomb friction at standstill, gone well above its speed; both at the shaft of its location."""
+    """On top of Coulomb friction at standstill, gone well above its speed; both at the shaft of its location.
+
+    Equations: tau = (tau_C + torque exp(-(|w| / speed)^exponent)) sign(w)
+    Source: Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083
+    """
 
     name = "stribeck_friction"
     parameters = (
@@ -20,8 +24,6 @@ class StribeckFriction(Mechanics):
     locations = only(*ENDS)
     needs = frozenset({Need.SEVERAL_SPEEDS})
     signature = Signature("speed", direction="opposite")
-    equations = "tau = (tau_C + torque exp(-(|w| / speed)^exponent)) sign(w)"
-    source = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083"
     sentence = (
         "Below about {speed_rad_s:.3g} rad/s of the motor friction rises by {torque_n_m:.3g} N m (Stribeck "
         "friction): the lubricant film breaks down."

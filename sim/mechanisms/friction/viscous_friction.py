@@ -8,7 +8,11 @@ from sim.rotational.drive_train import DriveTrain
 
 
 class ViscousFriction(Mechanics):
-    """Torque against the motion in proportion to its speed, felt at the motor whichever bearing it sits in."""
+    """Torque against the motion in proportion to its speed, felt at the motor whichever bearing it sits in.
+
+    Equations: tau = coefficient w
+    Source: laminar lubrication: Damper of the Modelica Standard Library 4.1
+    """
 
     name = "viscous_friction"
     parameters = (Parameter("coefficient_n_m_s_per_rad", "N m s/rad", 0.0, 1e4, 1e-3),)
@@ -16,8 +20,6 @@ class ViscousFriction(Mechanics):
     locations = only(*ENDS)
     needs = frozenset({Need.SEVERAL_SPEEDS})
     signature = Signature("speed", direction="opposite")
-    equations = "tau = coefficient w"
-    source = "laminar lubrication: Damper of the Modelica Standard Library 4.1"
     sentence = (
         "Viscous friction of {coefficient_n_m_s_per_rad:.3g} N m s/rad as felt at the motor is missing from the "
         "description."

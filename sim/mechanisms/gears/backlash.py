@@ -16,7 +16,11 @@ promise one minute of arc or less."""
 
 
 class Backlash(Mechanics):
-    """Total gap of a mesh; the teeth hit each other when the torque changes its sign."""
+    """Total gap of a mesh; the teeth hit each other when the torque changes its sign.
+
+    Equations: F = 0 while |x| < gap / 2, else c (|x| - gap / 2) + d x' on the flank in contact
+    Source: Modelica.Mechanics.Rotational.Components.ElastoBacklash, Modelica Standard Library 4.1
+    """
 
     name = "backlash"
     workshop_name = "play"
@@ -24,8 +28,6 @@ class Backlash(Mechanics):
     size = "gap_rad"
     locations = meshes
     signature = Signature("reversal", per_cycle=2, direction="reversal")
-    equations = "F = 0 while |x| < gap / 2, else c (|x| - gap / 2) + d x' on the flank in contact"
-    source = "Modelica.Mechanics.Rotational.Components.ElastoBacklash, Modelica Standard Library 4.1"
     sentence = (
         "The {where} gear pair has backlash of {gap_rad:.3g} rad ({gap_rad_shown}) from flank to flank: at every "
         "reversal of torque the load moves freely until the opposite tooth flanks meet."

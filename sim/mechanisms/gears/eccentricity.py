@@ -9,7 +9,11 @@ from sim.rotational.drive_train import DriveTrain
 
 
 class Eccentricity(Mechanics):
-    """Transmission error once per revolution of the wheel, felt at the driven gear of its mesh."""
+    """Transmission error once per revolution of the wheel, felt at the driven gear of its mesh.
+
+    Equations: x = theta_driver / i - theta_driven - amplitude sin(theta + phase)
+    Source: kinematic error of first order, 2 e tan(alpha) / r_b for an eccentric wheel of offset e
+    """
 
     name = "eccentricity"
     parameters = (
@@ -21,8 +25,6 @@ class Eccentricity(Mechanics):
     as_new_key = "transmission_error_rad"
     shown_by = frozenset({Need.HALF_TURN})
     signature = Signature("angle", order=1, direction="same")
-    equations = "x = theta_driver / i - theta_driven - amplitude sin(theta + phase)"
-    source = "kinematic error of first order, 2 e tan(alpha) / r_b for an eccentric wheel of offset e"
     sentence = "The {where} gear has a runout of {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution."
     action = (
         f"{SECURED} put a dial gauge on the {{where}} gear or its shaft and turn it once by hand: check seat, keys and "

@@ -9,7 +9,11 @@ from sim.rotational.drive_train import DriveTrain
 
 
 class Hysteresis(Mechanics):
-    """A friction torque beside the spring that builds up over a small twist."""
+    """A friction torque beside the spring that builds up over a small twist.
+
+    Equations: F = c x + d x' + z, z' = x' (torque - sign(x') z) / width
+    Source: Dahl, AIAA Journal 14 (1976) 1675
+    """
 
     name = "hysteresis"
     parameters = (
@@ -20,8 +24,6 @@ class Hysteresis(Mechanics):
     locations = meshes
     shown_by = frozenset({Need.LOAD_ENCODER})
     signature = Signature("twist", direction="opposite")
-    equations = "F = c x + d x' + z, z' = x' (torque - sign(x') z) / width"
-    source = "Dahl, AIAA Journal 14 (1976) 1675"
     sentence = (
         "When the twist of the {where} gear pair turns back, {torque_n_m:.3g} N m are lost: torque over twist is a "
         "loop (hysteresis)."

@@ -8,7 +8,11 @@ from sim.rotational.drive_train import DriveTrain
 
 
 class KinematicError(Mechanics):
-    """Transmission error some times per turn of the gear's input shaft: of a strain wave gear mostly twice."""
+    """Transmission error some times per turn of the gear's input shaft: of a strain wave gear mostly twice.
+
+    Equations: x = theta_driver / i - theta_driven - amplitude sin(order theta_driver + phase)
+    Source: Tuttle and Seering, IEEE Trans. Robotics and Automation 12 (1996) 368: harmonic drive
+    """
 
     name = "kinematic_error"
     parameters = (
@@ -20,8 +24,6 @@ class KinematicError(Mechanics):
     locations = stage_names
     as_new_key = "transmission_error_rad"
     signature = Signature("angle", order="order", of_input_shaft=True)
-    equations = "x = theta_driver / i - theta_driven - amplitude sin(order theta_driver + phase)"
-    source = "Tuttle and Seering, IEEE Trans. Robotics and Automation 12 (1996) 368: harmonic drive"
     sentence = (
         "The output of the {where} gear swings by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) {order:g} times per "
         "turn of its input shaft, as that of a strain wave gear does twice."

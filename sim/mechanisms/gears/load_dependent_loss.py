@@ -9,15 +9,17 @@ from sim.rotational.drive_train import DriveTrain
 
 
 class LoadDependentLoss(Mechanics):
-    """A fraction of the torque in the mesh acts against the motion, on top of the efficiency that is described."""
+    """A fraction of the torque in the mesh acts against the motion, on top of the efficiency that is described.
+
+    Equations: tau_a = tau_load (1 + fraction) when the driver drives, tau_load (1 - fraction) else
+    Source: LossyGear of the Modelica Standard Library 4.1 with eta = 1 / (1 + f), 1 - f
+    """
 
     name = "load_dependent_loss"
     parameters = (Parameter("fraction", "1", 0.0, 0.5, 0.05),)
     size = "fraction"
     locations = stage_names
     signature = Signature("torque", direction="opposite")
-    equations = "tau_a = tau_load (1 + fraction) when the driver drives, tau_load (1 - fraction) else"
-    source = "LossyGear of the Modelica Standard Library 4.1 with eta = 1 / (1 + f), 1 - f"
     sentence = "The {where} gear pair loses {fraction:.1%} of the torque it transmits."
     action = (
         "Check lubrication and contact pattern of the {where} gear pair, and enter its efficiency in the axis "

@@ -8,7 +8,12 @@ from sim.rotational.drive_train import DriveTrain
 
 
 class MeshError(Mechanics):
-    """Transmission error once per tooth, felt at the driven gear, and its second harmonic."""
+    """Transmission error once per tooth, felt at the driven gear, and its second harmonic.
+
+    Equations: x = theta_driver / i - theta_driven - amplitude sin(z theta_driven + phase) - second_amplitude sin(2
+    z theta_driven + second_phase)
+    Source: static transmission error at tooth frequency: Harris, Proc. IMechE 172 (1958) 87
+    """
 
     name = "mesh_error"
     parameters = (
@@ -23,11 +28,6 @@ class MeshError(Mechanics):
     shown_by = frozenset({Need.TWO_ROWS_PER_TOOTH})
     signature = Signature("angle", order="mesh")
     damage = "wear of all teeth alike: sliding wear, scuffing, pitting (surface fatigue)"
-    equations = (
-        "x = theta_driver / i - theta_driven - amplitude sin(z theta_driven + phase)"
-        " - second_amplitude sin(2 z theta_driven + second_phase)"
-    )
-    source = "static transmission error at tooth frequency: Harris, Proc. IMechE 172 (1958) 87"
     sentence = (
         "The teeth of the {where} gear pair have an error of {amplitude_rad:.3g} rad ({amplitude_rad_shown}) at "
         "tooth frequency, more than a new gear."

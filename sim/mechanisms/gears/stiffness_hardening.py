@@ -8,7 +8,11 @@ from sim.rotational.drive_train import DriveTrain
 
 
 class StiffnessHardening(Mechanics):
-    """Cubic spring: at the twist x the torque is 1 + cubic x^2 times that of the straight one."""
+    """Cubic spring: at the twist x the torque is 1 + cubic x^2 times that of the straight one.
+
+    Equations: F = c x (1 + cubic x^2) + d x'
+    Source: stiffness in steps K1 < K2 < K3 of strain wave gears, as a smooth curve
+    """
 
     name = "stiffness_hardening"
     parameters = (Parameter("cubic_per_rad2", "1/rad2", 0.0, 1e9, 1e4),)
@@ -16,8 +20,6 @@ class StiffnessHardening(Mechanics):
     locations = meshes
     shown_by = frozenset({Need.LOAD_ENCODER})
     signature = Signature("twist")
-    equations = "F = c x (1 + cubic x^2) + d x'"
-    source = "stiffness in steps K1 < K2 < K3 of strain wave gears, as a smooth curve"
     sentence = "The {where} gear pair is stiffer at large twist than at small."
     action = (
         "Nothing to repair: enter in the description that the {where} gear pair stiffens. If the axis was linear "

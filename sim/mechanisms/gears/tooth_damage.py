@@ -25,6 +25,9 @@ class ToothDamage(Mechanics):
     Flank 1 carries positive torque to the driven gear. So the damage is felt when the contact force is on that flank,
     whatever the direction of motion. Width 0 means one pitch of the teeth on either side. Form 2 is a worn
     hollow, 10 a piece broken out.
+
+    Equations: contact at x = gap / 2 + depth (1 - |u|^form)^4, u = (theta - angle) / width, |u| < 1
+    Source: local loss of flank as a displacement: Liang, Zuo and Feng, Mech. Syst. Signal Process. 98 (2018)
     """
 
     name = "tooth_damage"
@@ -41,8 +44,6 @@ class ToothDamage(Mechanics):
     shown_by = frozenset({Need.TWO_ROWS_PER_TOOTH})
     signature = Signature("angle", order=1, per_cycle=1, flank="one", direction="one")
     damage = "tooth breakage; pitting or spalling of one tooth (surface fatigue)"
-    equations = "contact at x = gap / 2 + depth (1 - |u|^form)^4, u = (theta - angle) / width, |u| < 1"
-    source = "local loss of flank as a displacement: Liang, Zuo and Feng, Mech. Syst. Signal Process. 98 (2018)"
     sentence = (
         "A flank of the {where} gear lacks material near {angle_rad:.3f} rad ({angle_rad_shown}), {depth_rad:.2g} rad "
         "({depth_rad_shown}) deep: once per revolution the torque drops there, in one direction of torque."

@@ -6,15 +6,17 @@ from sim.mechanisms.mechanism import Array, Measurement, Parameter, Samples, Sig
 
 
 class Clipping(Measurement):
-    """The motor torque and the sound stop at a level: the fraction says how much of their peak is cut off."""
+    """The motor torque and the sound stop at a level: the fraction says how much of their peak is cut off.
+
+    Equations: measured = min(max(true, -L), L), L = (1 - fraction) max |true|
+    Source: range of the converter
+    """
 
     name = "clipping"
     parameters = (Parameter("fraction", "1", 0.0, 0.95, 0.3),)
     size = "fraction"
     locations = only(None, "motor")
     signature = Signature("recording")
-    equations = "measured = min(max(true, -L), L), L = (1 - fraction) max |true|"
-    source = "range of the converter"
     action = (
         "Widen the range of the channel (or lower the gain of the microphone), or accelerate less, and record again; "
         "if it is the drive's own torque limit that is reached, the motion asks too much."

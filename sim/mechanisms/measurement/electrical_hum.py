@@ -6,7 +6,11 @@ from sim.mechanisms.mechanism import Array, Measurement, Need, Parameter, Sample
 
 
 class ElectricalHum(Measurement):
-    """A steady sine on the measured motor torque, and on the sound in units of full scale."""
+    """A steady sine on the measured motor torque, and on the sound in units of full scale.
+
+    Equations: measured = true + amplitude sin(2 pi f t + phase)
+    Source: induced at 50 or 60 Hz and their multiples
+    """
 
     name = "electrical_hum"
     parameters = (
@@ -19,8 +23,6 @@ class ElectricalHum(Measurement):
     locations = only("motor", None)
     shown_by = frozenset({Need.SEVERAL_SPEEDS, Need.TWO_ROWS_PER_PERIOD})
     signature = Signature("frequency")
-    equations = "measured = true + amplitude sin(2 pi f t + phase)"
-    source = "induced at 50 or 60 Hz and their multiples"
     sentence = "A hum of {frequency_hz:g} Hz from the mains is on the torque channel."
     action = (
         "Check shielding and grounding of the cable and keep it away from power lines: one earth, shield on one side; "

@@ -10,7 +10,11 @@ from sim.mechanisms.mechanism import Discriminating, Measurement, Need, Paramete
 
 
 class EncoderError(Measurement):
-    """The angle is wrong by a sine once per revolution of its shaft, and the speed accordingly."""
+    """The angle is wrong by a sine once per revolution of its shaft, and the speed accordingly.
+
+    Equations: measured = theta + amplitude sin(theta + phase)
+    Source: eccentric disc: e / r of the grating
+    """
 
     name = "encoder_error"
     parameters = (
@@ -21,8 +25,6 @@ class EncoderError(Measurement):
     locations = only("load", "motor")
     shown_by = frozenset({Need.HALF_TURN, Need.LOAD_ENCODER})
     signature = Signature("angle", order=1)
-    equations = "measured = theta + amplitude sin(theta + phase)"
-    source = "eccentric disc: e / r of the grating"
     sentence = (
         "The load encoder has an error of {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution, "
         "more than its data sheet allows."

@@ -10,15 +10,17 @@ from sim.mechanisms.mechanism import Measurement, Parameter, Signature, SoundRep
 
 
 class LostSamples(Measurement):
-    """A share of the rows is missing, in runs of one to eight."""
+    """A share of the rows is missing, in runs of one to eight.
+
+    Equations: rows are taken out at random until the share is reached
+    Source: overrun of a bus
+    """
 
     name = "lost_samples"
     parameters = (Parameter("fraction", "1", 0.0, 0.5, 0.01),)
     size = "fraction"
     locations = only(None)
     signature = Signature("recording")
-    equations = "rows are taken out at random until the share is reached"
-    source = "overrun of a bus"
     action = (
         "Check load of the logger, buffers and cables of the recorder, then record again; nothing is wrong with the "
         "machine."

@@ -10,7 +10,11 @@ from sim.mechanisms.mechanism import Measurement, Need, Parameter, Signature, Tr
 
 
 class TimeDelay(Measurement):
-    """The channels of one shaft come late."""
+    """The channels of one shaft come late.
+
+    Equations: measured(t) = true(t - delay)
+    Source: buffers between drive and recorder
+    """
 
     name = "time_delay"
     parameters = (Parameter("delay_s", "s", -1.0, 1.0, 2e-3),)
@@ -18,8 +22,6 @@ class TimeDelay(Measurement):
     locations = only("load", "motor")
     shown_by = frozenset({Need.SEVERAL_SPEEDS})
     signature = Signature("recording")
-    equations = "measured(t) = true(t - delay)"
-    source = "buffers between drive and recorder"
     sentence = "One channel is {delay_s:.3g} s later than the others."
     action = (
         "Check that all channels are sampled on one clock: filters, bus cycles and time stamps of the late channel; "

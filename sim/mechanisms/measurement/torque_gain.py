@@ -6,7 +6,12 @@ from sim.mechanisms.mechanism import Array, Measurement, Need, Parameter, Signat
 
 
 class TorqueGain(Measurement):
-    """The motor torque is read by another factor between two times."""
+    """The motor torque is read by another factor between two times.
+
+    Equations: measured(t) = (1 + share) true(t) for start <= t < end, else true(t)
+    Source: magnets lose about 0.1 % of their flux per kelvin, and sensors of current drift: Krishnan, Permanent
+    Magnet Synchronous and Brushless DC Motor Drives, CRC Press 2010
+    """
 
     name = "torque_gain"
     parameters = (
@@ -18,11 +23,6 @@ class TorqueGain(Measurement):
     locations = only("motor")
     shown_by = frozenset({Need.BOTH_DIRECTIONS})
     signature = Signature("recording")
-    equations = "measured(t) = (1 + share) true(t) for start <= t < end, else true(t)"
-    source = (
-        "magnets lose about 0.1 % of their flux per kelvin, and sensors of current drift: Krishnan, Permanent Magnet "
-        "Synchronous and Brushless DC Motor Drives, CRC Press 2010"
-    )
     sentence = "Between {start_s:.1f} s and {end_s:.1f} s the torque is read by a factor that differs by {share:.1%}."
     action = (
         "Log the phase currents, the voltage of the supply and the temperature of the motor: a torque constant that "

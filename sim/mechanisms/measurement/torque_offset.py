@@ -15,7 +15,11 @@ from sim.mechanisms.mechanism import (
 
 
 class TorqueOffset(Measurement):
-    """A constant on the measured motor torque."""
+    """A constant on the measured motor torque.
+
+    Equations: measured = true + torque
+    Source: zero error of a current transducer
+    """
 
     name = "torque_offset"
     parameters = (Parameter("torque_n_m", "N m", -1e4, 1e4, 0.2),)
@@ -23,8 +27,6 @@ class TorqueOffset(Measurement):
     locations = only("motor", None)
     needs = frozenset({Need.BOTH_DIRECTIONS})
     signature = Signature("recording")
-    equations = "measured = true + torque"
-    source = "zero error of a current transducer"
     sentence = (
         "A constant torque of {torque_n_m:.3g} N m is in the torque channel, whatever the motion: its zero, or a "
         "weight that the axis lifts."

@@ -14,6 +14,9 @@ class BearingDefect(Mechanics):
     """Short torque pulses `order` times per revolution of the shaft, as their first five harmonics.
 
     Order of the outer race n / 2 (1 - d / D cos a), of the inner race n / 2 (1 + d / D cos a).
+
+    Equations: tau on the shaft = torque sum of sin(k (order theta + phase)), k = 1 to 5
+    Source: McFadden and Smith, J. Sound Vib. 96 (1984) 69
     """
 
     name = "bearing_defect"
@@ -25,8 +28,6 @@ class BearingDefect(Mechanics):
     size = "torque_n_m"
     locations = every_shaft
     signature = Signature("angle", order="order")
-    equations = "tau on the shaft = torque sum of sin(k (order theta + phase)), k = 1 to 5"
-    source = "McFadden and Smith, J. Sound Vib. 96 (1984) 69"
     action = (
         "Find the bearing whose data sheet has this order (it is per turn of the motor; for a bearing on a slower"
         " shaft multiply it by the ratio up to there) and order a new one. Listen to all bearings near the motor "

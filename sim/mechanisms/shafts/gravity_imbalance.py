@@ -9,7 +9,11 @@ from sim.rotational.drive_train import DriveTrain
 
 
 class GravityImbalance(Mechanics):
-    """The weight pulls the load towards theta = -phase."""
+    """The weight pulls the load towards theta = -phase.
+
+    Equations: tau on the load = -torque sin(theta_load + phase)
+    Source: pendulum
+    """
 
     name = "gravity_imbalance"
     parameters = (
@@ -20,8 +24,6 @@ class GravityImbalance(Mechanics):
     locations = only("load")
     shown_by = frozenset({Need.LOAD_TURN})
     signature = Signature("angle", order=1)
-    equations = "tau on the load = -torque sin(theta_load + phase)"
-    source = "pendulum"
     sentence = "A weight off the axis of rotation pulls at the load with up to {torque_n_m:.3g} N m."
     action = (
         "Check payload, its centre of gravity and the balancer against what is described, and enter the weight in the "

@@ -10,7 +10,11 @@ from sim.rotational.drive_train import DriveTrain
 
 
 class StructuralResonance(Mechanics):
-    """A share of the load's inertia hangs on a spring; its frequency is that with the rest of the load held."""
+    """A share of the load's inertia hangs on a spring; its frequency is that with the rest of the load held.
+
+    Equations: share J (a_s) = -c x - d x', c = share J (2 pi f)^2, d = 2 zeta share J 2 pi f
+    Source: dynamic vibration absorber: Den Hartog, Mechanical Vibrations (1956), chapter 3
+    """
 
     name = "structural_resonance"
     parameters = (
@@ -22,8 +26,6 @@ class StructuralResonance(Mechanics):
     locations = only("load")
     shown_by = frozenset({Need.LOAD_ENCODER})
     signature = Signature("frequency")
-    equations = "share J (a_s) = -c x - d x', c = share J (2 pi f)^2, d = 2 zeta share J 2 pi f"
-    source = "dynamic vibration absorber: Den Hartog, Mechanical Vibrations (1956), chapter 3"
     sentence = (
         "Part of the load, {share:.0%} of its inertia, swings on its own at {frequency_hz:.3g} Hz: an arm, a tool or "
         "the stand is soft or loose."

@@ -9,7 +9,11 @@ from sim.rotational.drive_train import DriveTrain
 
 
 class TorqueRippleOfMotor(Mechanics):
-    """Cogging or ripple of one order of the motor's angle, present without load too."""
+    """Cogging or ripple of one order of the motor's angle, present without load too.
+
+    Equations: tau on the motor = torque sin(order theta_motor + phase)
+    Source: cogging at multiples of lcm(slots, poles), current ripple at 6 per pole pair
+    """
 
     name = "torque_ripple"
     parameters = (
@@ -20,8 +24,6 @@ class TorqueRippleOfMotor(Mechanics):
     size = "torque_n_m"
     locations = only("motor")
     signature = Signature("angle", order="order")
-    equations = "tau on the motor = torque sin(order theta_motor + phase)"
-    source = "cogging at multiples of lcm(slots, poles), current ripple at 6 per pole pair"
     sentence = "The motor torque has a ripple of {torque_n_m:.3g} N m, {order:g} times per revolution of the motor."
     action = (
         f"Check calibration of current sensors and commutation of the drive. {SECURED} turn the motor by hand and feel "

@@ -72,8 +72,6 @@ class Misalignment(Mechanics):
     )
     size: ClassVar[str] = "amplitude_rad"
     signature: ClassVar[Signature] = Signature("angle", order=2.0)
-    equations: ClassVar[str] = "e = amplitude sin(2 theta + phase)"
-    source: ClassVar[str] = "parallel misalignment of shafts"
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:
@@ -94,8 +92,6 @@ class CyclicDrag(Mechanics):
     )
     size: ClassVar[str] = "torque_n_m"
     signature: ClassVar[Signature] = Signature("frequency")
-    equations: ClassVar[str] = "tau = torque sin(2 pi frequency t + phase)"
-    source: ClassVar[str] = "central lubrication in strokes"
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:
@@ -113,8 +109,6 @@ class Saturation(Measurement):
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("bend_per_n2_m2", "1/(N2 m2)", 0.0, 1.0, 1e-5),)
     size: ClassVar[str] = "bend_per_n2_m2"
     signature: ClassVar[Signature] = Signature("recording")
-    equations: ClassVar[str] = "measured = true (1 - bend true^2)"
-    source: ClassVar[str] = "iron core of a current transducer"
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:
