@@ -109,13 +109,14 @@ class Modulation(FeatureFamily):
         if band is None:
             return [math.nan] * len(self.definitions)
         calm = analysis.calmed(band.inside(), band.rate_hz)
-        frequency, power = envelope.envelope_spectrum(calm, band.rate_hz)
-        step = frequency[1]
+        found = envelope.averaged_spectrum([calm], band.rate_hz)
+        if found is None:
+            return [math.nan] * len(self.definitions)
         octaves = []
         for low, high in OCTAVES_HZ:
-            part = power[math.ceil(low / step) : math.ceil(high / step)]
-            known = low * analysis.duration_s >= 1 and part.size > 0
-            octaves.append(10 * math.log10(float(part.sum())) if known and part.any() else math.nan)
+            part = found.power[math.ceil(low / found.step_hz) : math.ceil(high / found.step_hz)]
+            known = low * analysis.duration_s >= 1 and part.any()
+            octaves.append(10 * math.log10(2 / calm.size * float(part.sum())) if known else math.nan)
         return octaves
 
 
