@@ -28,7 +28,7 @@ from sim.robot.results import SAYS
 
 Document = Mapping[str, Any]
 Part = Literal["causes", "overlay", "residual", "sound"]
-WIDTH, HEIGHT = 420.0, 240.0
+WIDTH, HEIGHT = 390.0, 240.0
 """Of a plot of the report, so that its words can be read on a phone."""
 MOST_PLACES = 6
 
