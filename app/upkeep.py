@@ -47,11 +47,10 @@ def diagnose_once(library: CaseLibrary) -> None:
     """Simulate a recording and diagnose it, keeping nothing: modules, compiled code and the cases are loaded by it."""
     import scipy.signal  # noqa: F401 - half a second, for the first plot and the first slider
 
-    from app.recordings.intake import mesh_orders, shaft_orders
+    from app.recordings.intake import condition_on
     from casebase.__main__ import search_once
     from casebase.labels import PARAMETERS
     from casebase.origins import SIMULATED
-    from signals.condition import OperatingCondition
     from signals.features import extract
     from signals.recording import Recording
     from sim.acoustics.microphone import SAMPLE_RATE_HZ
@@ -60,9 +59,7 @@ def diagnose_once(library: CaseLibrary) -> None:
 
     motion = PAPER_AXIS.motion
     sound = measure(PAPER_AXIS, 4 * motion.period_s, seed=0).sound
-    condition = OperatingCondition(
-        speed_rad_s=motion.load_speed_rad_s, shaft_orders=shaft_orders(PAPER_AXIS), mesh_orders=mesh_orders(PAPER_AXIS)
-    )
+    condition = condition_on(PAPER_AXIS, speed_rad_s=motion.load_speed_rad_s)
     extraction = extract(Recording(sound, SAMPLE_RATE_HZ), condition)
     search_once()  # an empty library has nothing to search in
     with library.reading() as session:

@@ -19,14 +19,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.recordings.intake import mesh_orders, shaft_orders
+from app.recordings.intake import condition_on
 from app.simulated.generation import simulate_case
 from benchmarks import Row
 from benchmarks.shared_data import SHARED
 from casebase.reasoning.diagnosis import Reasoner
 from casebase.reasoning.evaluation import Proportion
 from casebase.search.case_table import CaseTable
-from signals.condition import OperatingCondition
 from signals.features import EXTRACTOR_VERSION, catalogue, extract
 from signals.reading.decode import read_recording
 from sim.acoustics.transfer_path_fit import NormalRecording, fit_sound
@@ -61,12 +60,7 @@ def measured(folder: Path, axis: Axis) -> tuple[Vectors, dict[str, list[NormalRe
         for row in csv.DictReader(lines):
             speed, payload = float(row["speed_rad_s"]), float(row["payload_kg_m2"])
             recording = read_recording(folder / row["file"])
-            condition = OperatingCondition(
-                speed_rad_s=speed,
-                payload_kg_m2=payload,
-                shaft_orders=shaft_orders(axis),
-                mesh_orders=mesh_orders(axis),
-            )
+            condition = condition_on(axis, speed_rad_s=speed, payload_kg_m2=payload)
             found = extract(recording, condition)
             values.append(found.features.values)
             labels.append(row["label"])

@@ -10,14 +10,13 @@ import typer
 
 from app.commands import frame
 from app.commands.frame import ACTOR, AXIS, CORES, Channel, Json, Payload, Period, Processes, Speed
-from app.recordings.intake import mesh_orders, read_sound, shaft_orders
+from app.recordings.intake import condition_on, read_sound
 from app.simulated import comparison
 from app.simulated.comparison import CAUSES, Comparison, FamilyGap, Gain
 from app.simulated.generation import fitted_microphones
 from app.simulated.severity_by_simulation import RUNS, Taken, design_for
 from app.simulated.transfer_path import FittedPlace, fit_place, keep, measured_recordings
 from casebase.reasoning.severity import COVERAGE, PARAMETERS, Severity
-from signals.condition import OperatingCondition
 from signals.features import extract, feature_words
 from sim.errors import ParameterError
 from sim.investigation.report.formatting import angle
@@ -168,13 +167,7 @@ def size(
     if label not in PARAMETERS:
         raise ParameterError(f"label: the size of {label!r} is not known; {', '.join(PARAMETERS)} have one")
     described = frame.axis_of(axis)
-    condition = OperatingCondition(
-        speed_rad_s=speed,
-        payload_kg_m2=payload,
-        motion_period_s=period,
-        shaft_orders=shaft_orders(described),
-        mesh_orders=mesh_orders(described),
-    )
+    condition = condition_on(described, speed_rad_s=speed, payload_kg_m2=payload, motion_period_s=period)
     recording = read_sound(file, channel=channel)
     extraction = extract(recording, condition)
     with frame.library() as library:

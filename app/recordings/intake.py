@@ -18,6 +18,7 @@ from casebase.origins import DEMO as DEMO
 from casebase.reasoning.plausibility import Expected, Known, held_against
 from casebase.store.audio_store import StoredBytes
 from casebase.store.models import StoredDiagnosis, StoredRecording
+from signals.condition import OperatingCondition
 from signals.features import Extraction, extract
 from signals.reading.decode import LIMITS, read_recording
 from signals.recording import Recording
@@ -100,15 +101,32 @@ def when_recorded(recording: Recording, said: datetime | None) -> tuple[datetime
     return clock.replace(tzinfo=ZoneInfo(zone)), (remark,)
 
 
-def shaft_orders(axis: Axis) -> tuple[float, ...]:
-    """Turns of each shaft per turn of the output, motor first [1]."""
-    return tuple(axis.ratio_from(shaft) for shaft in ("motor", *(stage.name for stage in axis.stages)))
+def orders_of(axis: Axis | None) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return turns of each shaft, and engagements of each mesh with known teeth, per turn of the output, motor first.
+
+    Of an unknown axis there are none.
+    """
+    if axis is None:
+        return (), ()
+    shafts = tuple(axis.ratio_from(shaft) for shaft in ("motor", *(stage.name for stage in axis.stages)))
+    teeth = [(stage.name, stage.driven_teeth) for stage in axis.stages if stage.driven_teeth is not None]
+    return shafts, tuple(count * axis.ratio_from(name) for name, count in teeth)
 
 
-def mesh_orders(axis: Axis) -> tuple[float, ...]:
-    """Tooth engagements of each mesh per turn of the output, motor side first [1]; those with known teeth."""
-    return tuple(
-        stage.driven_teeth * axis.ratio_from(stage.name) for stage in axis.stages if stage.driven_teeth is not None
+def condition_on(
+    axis: Axis,
+    speed_rad_s: float | None = None,
+    payload_kg_m2: float | None = None,
+    motion_period_s: float | None = None,
+) -> OperatingCondition:
+    """Return the operating condition of a recording of a described axis."""
+    shaft_orders, mesh_orders = orders_of(axis)
+    return OperatingCondition(
+        speed_rad_s=speed_rad_s,
+        payload_kg_m2=payload_kg_m2,
+        motion_period_s=motion_period_s,
+        shaft_orders=shaft_orders,
+        mesh_orders=mesh_orders,
     )
 
 
@@ -198,9 +216,7 @@ def hear(
         SignalError: what its description has wrong, as `extract` says.
     """
     axis = axis or known_axis(library, metadata.axis)
-    condition = metadata.condition(
-        shaft_orders=shaft_orders(axis) if axis else (), mesh_orders=mesh_orders(axis) if axis else ()
-    )
+    condition = metadata.condition(*orders_of(axis))
     extraction = extract(recording, condition)
     stated = condition.speed_rad_s or condition.payload_kg_m2 or condition.motion_period_s
     known = expected(library, axis, metadata.axis) if stated else Expected()

@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from app.recordings.intake import mesh_orders, shaft_orders
+from app.recordings.intake import condition_on
 from app.simulated.generation import in_parallel, simulate_case
-from signals.condition import OperatingCondition
 from signals.features import FEATURES, catalogue, extract
 from signals.recording import Recording
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone
@@ -372,12 +371,7 @@ def vector_of(planned: Planned) -> NDArray[np.float32]:
 
 
 def _heard_vector(axis: Axis, heard: NormalRecording) -> NDArray[np.float32]:
-    condition = OperatingCondition(
-        speed_rad_s=heard.speed_rad_s,
-        payload_kg_m2=heard.payload_kg_m2,
-        shaft_orders=shaft_orders(axis),
-        mesh_orders=mesh_orders(axis),
-    )
+    condition = condition_on(axis, speed_rad_s=heard.speed_rad_s, payload_kg_m2=heard.payload_kg_m2)
     return extract(Recording(heard.samples, SAMPLE_RATE_HZ), condition).features.values
 
 

@@ -27,7 +27,7 @@ from sqlalchemy import select
 from sqlalchemy.exc import IntegrityError
 
 from app.jobs.job import JobKind, Json, Report
-from app.recordings.intake import mesh_orders, shaft_orders
+from app.recordings.intake import condition_on
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
 from casebase.review import quarantine_far
@@ -185,12 +185,7 @@ def simulate_case(planned: Planned) -> Generated:
 def condition_of(scenario: Scenario) -> OperatingCondition:
     """What a measurement would know of how the recording was taken: speed and payload, not the motion."""
     axis = scenario.axis
-    return OperatingCondition(
-        speed_rad_s=axis.motion.load_speed_rad_s,
-        payload_kg_m2=scenario.payload_kg_m2,
-        shaft_orders=shaft_orders(axis),
-        mesh_orders=mesh_orders(axis),
-    )
+    return condition_on(axis, speed_rad_s=axis.motion.load_speed_rad_s, payload_kg_m2=scenario.payload_kg_m2)
 
 
 def retain(library: CaseLibrary, generated: Sequence[Generated], batch: str) -> None:
