@@ -40,8 +40,6 @@ class Verifier:
     def __init__(self, system: System, h: float) -> None:
         self._system, self._h = system, h
         self._laws: dict[int, _Law] = {}
-        self._order = np.zeros(0, np.int64)
-        self._stacks: tuple[Array, Array, Array] | None = None
         self._kinetic = system.kinetic
         self._followed = [
             Followed(name, system.state_rows(row[None])[0], signal)
@@ -66,17 +64,25 @@ class Verifier:
         `numbers` are those of the modes at the states x (n, state), `after` the angles and speeds one sample later, and
         `quiet` says where no event and no signal's breakpoint lies between; flow and energy are looked at there.
         """
-        rows, sizes, works = self._stack(modes, numbers)
-        at = self._order[numbers]
+        visited, at = np.unique(numbers, return_inverse=True)
+        for number in visited.tolist():
+            if number not in self._laws:
+                self._laws[number] = _Law.of(self._system, modes[number], self._h)
+        laws = [self._laws[number] for number in visited.tolist()]
+        equations = max(len(law.equations) for law in laws)
+        counts = equations, max(len(law.limits) for law in laws)
+        rows = np.array([law.stacked((law.equations, law.limits, law.flow), counts) for law in laws])
+        sizes = np.array([law.stacked((law.terms, np.abs(law.limits), law.flown), counts) for law in laws])
+        works = np.array([law.work for law in laws])
         largest = np.maximum(np.abs(x).max(axis=0), SMALLEST)
         ratio = np.matmul(rows[at], x[:, :, None])[:, :, 0]
-        moving, limits = after.shape[1], self._equations + self._limits
+        moving, limits = after.shape[1], sum(counts)
         ratio[:, limits:] -= after
         ratio[np.logical_not(quiet), limits:] = 0.0
-        np.minimum(ratio[:, self._equations : limits], 0.0, out=ratio[:, self._equations : limits])
+        np.minimum(ratio[:, equations:limits], 0.0, out=ratio[:, equations:limits])
         size = sizes[at] @ largest
         ratio = np.abs(ratio) / (np.maximum(size, SMALLEST * size.max(axis=0)) + 1e-300)
-        parts = ratio[:, : self._equations], ratio[:, self._equations : limits], ratio[:, limits:]
+        parts = ratio[:, :equations], ratio[:, equations:limits], ratio[:, limits:]
         out = [
             _within(part.max(axis=1, initial=0.0), time_s, partial(self._told, what, part, numbers))
             for part, what in zip(parts, ("equations", "limits", "flow"), strict=True)
@@ -89,22 +95,6 @@ class Verifier:
         off = np.where(quiet, np.abs(energies[1] - energies[0] - work) / size, 0.0)
         energy = _within(off, time_s, lambda _: "all inertias: the balance of energy is not fulfilled")
         return out[0], out[1], out[2], energy
-
-    def _stack(self, modes: Sequence[Mode], numbers: NDArray[np.int32]) -> tuple[Array, Array, Array]:
-        """What is checked in all modes met so far, rows of zeros where a mode has fewer."""
-        new = set(numbers.tolist()) - self._laws.keys()
-        if self._stacks is None or new:
-            self._laws.update({number: _Law.of(self._system, modes[number], self._h) for number in new})
-            laws = self._laws.values()
-            self._order = np.zeros(len(modes), np.int64)
-            self._order[list(self._laws)] = np.arange(len(laws))
-            self._equations = max(len(law.equations) for law in laws)
-            self._limits = max(len(law.limits) for law in laws)
-            counts = self._equations, self._limits
-            rows = np.array([law.stacked((law.equations, law.limits, law.flow), counts) for law in laws])
-            sizes = np.array([law.stacked((law.terms, np.abs(law.limits), law.flown), counts) for law in laws])
-            self._stacks = rows, sizes, np.array([law.work for law in laws])
-        return self._stacks
 
     def _told(self, what: str, ratio: Array, numbers: NDArray[np.int32], instant: int) -> str:
         """Whose residual is too large, and which."""
