@@ -13,6 +13,7 @@ is about 0 where nothing differs; p-value by permuting whole gearboxes, for reco
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -521,7 +522,8 @@ def _energies(apart: Floats, first: NDArray[np.bool_]) -> Floats:
 
 
 def _family_names() -> list[str]:
-    return [type(family).__module__.rsplit(".", 1)[-1].replace("_", " ") for family in FEATURES]
+    words = [re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(family).__name__).lower() for family in FEATURES]
+    return [each.replace("log band energies", "bands") for each in words]
 
 
 def _families_of_features() -> NDArray[np.str_]:
