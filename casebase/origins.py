@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from sqlalchemy import ColumnElement, exists, or_, select
+from sqlalchemy import ColumnElement, exists, select
 from sqlalchemy.orm import Session, aliased
 
 from casebase.store.models import Artifact, Case, StoredRecording
@@ -17,22 +17,9 @@ def simulated(session: Session, recordings: Sequence[StoredRecording]) -> frozen
 
     The same sound in another container, rate, gain or coding is the same sound.
     """
-    of_cases = (
-        select(StoredRecording.id, StoredRecording.sound_id)
-        .join(Case, Case.recording_id == StoredRecording.id)
-        .where(
-            Case.origin == SIMULATED,
-            or_(
-                StoredRecording.id.in_([row.id for row in recordings]),
-                StoredRecording.sound_id.in_([row.sound_id for row in recordings]),
-            ),
-        )
-    )
-    shown = demonstrations(session)
-    of_demo = select(StoredRecording.id, StoredRecording.sound_id).where(StoredRecording.id.in_(shown))
-    known = [*session.execute(of_cases), *session.execute(of_demo)]
-    ids, sounds = {identity for identity, _ in known}, {sound for _, sound in known if sound}
-    return frozenset(row.id for row in recordings if row.id in ids or row.sound_id in sounds)
+    ids = [row.id for row in recordings]
+    known = select(StoredRecording.id).where(StoredRecording.id.in_(ids), *is_measured(session))
+    return frozenset(ids) - set(session.scalars(known))
 
 
 def measured(session: Session, recordings: Sequence[StoredRecording]) -> list[StoredRecording]:
@@ -61,7 +48,5 @@ def origin_of(session: Session, recording: StoredRecording) -> str:
 
 def demonstrations(session: Session) -> list[str]:
     """Return ids of the recordings of the demonstration, whose sound is simulated."""
-    return [str(content["recording_id"]) for content in session.scalars(_demonstrations)]
-
-
-_demonstrations = select(Artifact.content).where(Artifact.kind == DEMO)
+    shown = session.scalars(select(Artifact.content).where(Artifact.kind == DEMO))
+    return [str(content["recording_id"]) for content in shown]

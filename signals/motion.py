@@ -283,6 +283,13 @@ def _spacing(times: tuple[float, ...]) -> float:
     return float(np.median(np.subtract(times[2:], times[:-2]))) / 2
 
 
+def stroke_centres(times_s: NDArray[np.float64], stroke_s: float, duration_s: float) -> tuple[NDArray[np.float64], int]:
+    """Return reversals with those that may lie just outside a record, ascending [s], and how many lie before it."""
+    before = np.arange(np.floor(-times_s[0] / stroke_s - 0.5), 0) * stroke_s + times_s[0]
+    after = np.arange(1, np.ceil((duration_s - times_s[-1]) / stroke_s + 0.5) + 1) * stroke_s + times_s[-1]
+    return np.concatenate([before, times_s, after]), before.size
+
+
 def _quiet(dips: list[Span], times: tuple[float, ...]) -> tuple[float, float]:
     """Return median start and end of the dips, relative to the reversal next to each [s]."""
     if not times:

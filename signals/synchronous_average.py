@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, special
 
-from signals.motion import HOP_HZ, Motion
+from signals.motion import HOP_HZ, Motion, stroke_centres
 
 FALSE_ALARM = 0.05
 """Probability that noise alone puts a bump above 0 dB somewhere in the stroke."""
@@ -100,10 +100,8 @@ def fold(envelope: NDArray[np.float32], motion: Motion, freedom: float) -> Fold 
     times = np.array(motion.reversal_times_s)
     duration_s = envelope.size / HOP_HZ
     stroke_s = _stroke(motion, duration_s)
-    before = np.arange(np.floor(-times[0] / stroke_s - 0.5), 0) * stroke_s + times[0]
-    after = np.arange(1, np.ceil((duration_s - times[-1]) / stroke_s + 0.5) + 1) * stroke_s + times[-1]
-    centres = np.concatenate([before, times, after])
-    direction = (np.arange(centres.size) - before.size) % 2
+    centres, before = stroke_centres(times, stroke_s, duration_s)
+    direction = (np.arange(centres.size) - before) % 2
     rows = _rows(envelope, centres, stroke_s)
     positions = stroke_s / (2 * SMOOTH_S)
     level = float(np.nanmedian(envelope))

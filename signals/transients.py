@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from signals.band import Band
-from signals.motion import HOP_HZ, Motion, Span, runs_of
+from signals.motion import HOP_HZ, Motion, Span, runs_of, stroke_centres
 
 Floats = NDArray[np.float64]
 SLOW_HOPS, SLOW_S = 5, 0.1
@@ -153,9 +153,7 @@ class _Strokes:
         times = np.array(motion.reversal_times_s)
         assert motion.period_s is not None
         stroke_s = motion.period_s / 2
-        before = np.arange(np.floor(-times[0] / stroke_s - 0.5), 0) * stroke_s + times[0]
-        after = np.arange(1, np.ceil((size / rate_hz - times[-1]) / stroke_s + 0.5) + 1) * stroke_s + times[-1]
-        centres = np.concatenate([before, times, after])
+        centres, _ = stroke_centres(times, stroke_s, size / rate_hz)
         width = round(stroke_s * rate_hz)
         if width < 4 or len(centres) < 3:
             return None

@@ -18,15 +18,16 @@ BEXT_TIME = re.compile(r"(\d\d)[-_:/ .](\d\d)[-_:/ .](\d\d)")
 def from_wav(tags: Mapping[bytes, bytes]) -> tuple[datetime | None, str | None]:
     """Return when and with what, of the chunks of a WAV file; a time without an offset is naive.
 
-    GUANO says most and is believed first, then AudioMoth's comment, BWF and iXML.
+    GUANO says most and is believed first, then AudioMoth's comment and BWF.
 
     Args:
-        tags: contents of `guan`, `LIST`, `bext` and `iXML`, as far as there are any.
+        tags: contents of `guan`, `LIST` and `bext`, as far as there are any.
     """
-    found = [_guano(_text(tags.get(b"guan", b"")))]
-    found.append(_info(tags.get(b"LIST", b"")))
-    found.append(_bext(tags.get(b"bext", b"")))
-    found.append(_ixml(_text(tags.get(b"iXML", b""))))
+    found = [
+        _guano(_text(tags.get(b"guan", b""))),
+        _info(tags.get(b"LIST", b"")),
+        _bext(tags.get(b"bext", b"")),
+    ]
     when = next((when for when, _ in found if when is not None), None)
     device = next((device for _, device in found if device), None)
     return when, device
@@ -88,26 +89,9 @@ def _bext(chunk: bytes) -> tuple[datetime | None, str | None]:
     """Read originator, date and time of a BWF `bext` chunk (EBU Tech 3285): no offset is part of it."""
     if len(chunk) < 338:
         return None, None
-    return _date_and_time(_text(chunk[320:330]), _text(chunk[330:338])), _words(_text(chunk[256:288]))
-
-
-def _ixml(text: str) -> tuple[datetime | None, str | None]:
-    def content(tag: str) -> str:
-        found = re.search(rf"<{tag}>([^<]{{0,200}})</{tag}>", text)
-        return found[1].strip() if found else ""
-
-    when = _date_and_time(content("BWF_ORIGINATION_DATE"), content("BWF_ORIGINATION_TIME"))
-    return when, _words(content("BWF_ORIGINATOR") or content("RECORDER_MODEL"))
-
-
-def _date_and_time(date: str, time: str) -> datetime | None:
-    day, hour = BEXT_DATE.match(date), BEXT_TIME.match(time)
-    if day is None or hour is None:
-        return None
-    try:
-        return _set(datetime.fromisoformat(f"{'-'.join(day.groups())}T{':'.join(hour.groups())}"))
-    except ValueError:
-        return None
+    day, hour = BEXT_DATE.match(_text(chunk[320:330])), BEXT_TIME.match(_text(chunk[330:338]))
+    when = moment(f"{'-'.join(day.groups())}T{':'.join(hour.groups())}") if day and hour else None
+    return when, _words(_text(chunk[256:288]))
 
 
 def _set(when: datetime) -> datetime | None:

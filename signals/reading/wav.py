@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 FORMS = (b"RIFF", b"RIFX", b"RF64", b"BW64")
-TAGS = (b"bext", b"iXML", b"guan", b"LIST")
+TAGS = (b"bext", b"guan", b"LIST")
 KNOWN = (
     *TAGS,
+    b"iXML",
     b"fmt ",
     b"data",
     b"fact",

@@ -259,8 +259,6 @@ def test_two_silent_channels_are_silent(tmp_path: Path) -> None:
 BEXT = bytes(256) + b"Zoom H5".ljust(64, b"\0") + b"2026-03-29" + b"02:30:00" + bytes(264)
 AUDIOMOTH = b"Recorded at 19:17:30 10/12/2025 (UTC-3) by AudioMoth 24E144085F0A3E3C at medium gain."
 GUANO = b"GUANO|Version: 1.0\nMake: Wildlife\nModel: SM4\nTimestamp: 2026-01-02T03:04:05+01:00\n"
-IXML = b"<BWFXML><BEXT><BWF_ORIGINATION_DATE>2026-01-02</BWF_ORIGINATION_DATE>"
-IXML += b"<BWF_ORIGINATION_TIME>03:04:05</BWF_ORIGINATION_TIME></BEXT></BWFXML>"
 TAGGED = {
     "BWF": (chunk(b"bext", BEXT), datetime(2026, 3, 29, 2, 30), "Zoom H5"),
     "AudioMoth": (
@@ -273,7 +271,6 @@ TAGGED = {
         datetime(2026, 1, 2, 2, 4, 5, tzinfo=UTC),
         "Wildlife SM4",
     ),
-    "iXML": (chunk(b"iXML", IXML), datetime(2026, 1, 2, 3, 4, 5), None),
     "a clock never set": (
         chunk(
             b"LIST", b"INFO" + chunk(b"ICMT", b"Recorded at 00:00:09 01/01/1970 (UTC) by AudioMoth 24E144085F0A3E3C")
