@@ -26,7 +26,7 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
         naming the flange that nothing holds.
     """
     known = system.known
-    pieces = [system.piece(i, branch) for i, branch in enumerate(key)]
+    pieces = [system.pieces[i][branch] for i, branch in enumerate(key)]
     rows = equations(system, key)
     bound = system.state_rows(np.vstack([piece.stops for piece in pieces]))
     solve, free, hidden = _solve_unknowns(system, rows, np.vstack([piece.losses for piece in pieces]))
@@ -58,7 +58,7 @@ def equations(system: System, key: tuple[int, ...]) -> Array:
     balances = np.zeros((system.node_count, system.width))
     laws = [balances, _shifted(system, system.kinematics)]
     for i, branch in enumerate(key):
-        piece = system.piece(i, branch)
+        piece = system.pieces[i][branch]
         for node, torque in zip(piece.nodes, piece.torques, strict=True):
             balances[node] += torque
         laws.append(piece.equations)

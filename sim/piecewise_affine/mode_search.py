@@ -40,7 +40,7 @@ class Guard:
     def of(cls, system: System, i: int) -> "Guard":
         rows, loose, branch = [np.zeros((0, system.width))], [np.zeros(0)], [np.zeros(0, np.int64)]
         for number in range(system.branch_counts[i]):
-            piece = system.piece(i, number)
+            piece = system.pieces[i][number]
             alone = ~piece.holds[:, system.known :].any(axis=1)
             by_state = piece.holds[alone]
             rows += [by_state, piece.stops, -piece.stops]
@@ -115,8 +115,8 @@ def broken_away(system: System, key: Key, allowed: list[list[int]]) -> list[tupl
     """Components at rest that could be stuck, but slide from the first instant on: (component, mode)."""
     out = []
     for i, branches in enumerate(allowed):
-        mode = system.mode(i, key[i])
-        if any(system.piece(i, branch).stops.size for branch in branches) and mode is not None and abs(mode) == 1:
+        mode = system.pieces[i][key[i]].branch.mode
+        if any(system.pieces[i][branch].stops.size for branch in branches) and mode is not None and abs(mode) == 1:
             out.append((i, mode))
     return out
 
@@ -125,7 +125,7 @@ def describe_modes(system: System, key: Key) -> str:
     """The modes of all components in words."""
     words = []
     for i, branch in enumerate(key):
-        mode = system.mode(i, branch)
+        mode = system.pieces[i][branch].branch.mode
         if mode is not None and system.branch_counts[i] > 1:
             words.append(f"{system.names[i]} {system.components[i].mode_names.get(mode, mode)}")
     return ", ".join(words)
@@ -134,7 +134,7 @@ def describe_modes(system: System, key: Key) -> str:
 def changes(system: System, old: Key, new: Key) -> Iterator[Change]:
     """Changes of the components' modes between two combinations of branches."""
     for i, (a, b) in enumerate(zip(old, new, strict=True)):
-        was, now = system.mode(i, a), system.mode(i, b)
+        was, now = system.pieces[i][a].branch.mode, system.pieces[i][b].branch.mode
         if was is not None and now is not None and was != now:
             yield named_change(system, i, was, now)
 

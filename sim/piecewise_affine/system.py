@@ -297,14 +297,6 @@ class System:
 
     # ---- rows of the branches ---------------------------------------------------------------------------------
 
-    def piece(self, i: int, number: int) -> "Piece":
-        """One branch of component i."""
-        return self.pieces[i][number]
-
-    def mode(self, i: int, number: int) -> int | None:
-        """Modelica's number of the mode that one branch of component i is."""
-        return self.pieces[i][number].branch.mode
-
     @cached_property
     def light(self) -> Array:
         """Inertia matrix of what is not prescribed, with a little where there is none."""

@@ -157,7 +157,7 @@ class _Law:
         parts = zip(system.names, system.components, system.rows, strict=True)
         kinematics = [name for name, part, v in parts for _ in part.kinematics(v)]
         branches = zip(system.names, self.mode.key, range(len(self.mode.key)), strict=True)
-        return kinematics + [name for name, key, i in branches for _ in system.piece(i, key).equations]
+        return kinematics + [name for name, key, i in branches for _ in system.pieces[i][key].equations]
 
 
 def _flow_and_work(system: System, mode: Mode, h: float) -> tuple[Array, Array]:
