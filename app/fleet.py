@@ -1,4 +1,8 @@
-"""The fleet: every gearbox in service with its state, worked out again only for those of which something changed."""
+"""The fleet: every gearbox in service with its state, worked out again only for those of which something changed.
+
+Every ten minutes the alarms are held against it: no single recording tells that a gearbox is silent, or sounds
+otherwise than it did; and a repair, a case or an undone step change a state.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -9,10 +13,16 @@ from threading import Lock
 
 from sqlalchemy.orm import Session
 
+from app.periodic import Periodic
+from casebase.alarms.rules import review, unsettled
 from casebase.gearbox_state import NamedFault, Standing, State, standing, standing_fault
 from casebase.gearboxes import History, Place, described, histories_of, signatures
+from casebase.library import CaseLibrary
 from casebase.reasoning.trend import Trend, trends_of
 
+ACTOR = "alarms"
+EVERY_S = 600.0
+"""Silence is counted in days, a trend in recordings: ten minutes are no delay."""
 ORDER = tuple(State)
 DIGITS = "0123456789"
 LARGE = 200
@@ -89,6 +99,12 @@ class Fleet:
         """Return every gearbox in service, those of which the axis is not known too."""
         return [each for known in self._current(session).values() if (each := known.in_service) is not None]
 
+    def changed(self, session: Session) -> dict[Place, datetime]:
+        """Return since when gearboxes sound otherwise than they did, those that do."""
+        trends = {place: known.trend for place, known in self._current(session).items() if known.trend is not None}
+        began = {place: trend.at_once or (trend.began if trend.changed else None) for place, trend in trends.items()}
+        return {place: change.at for place, change in began.items() if change is not None}
+
     def naming(self, session: Session) -> dict[str, NamedFault]:
         """Return the faults that stand, by the id of each recording that names them."""
         faults = (known.fault for known in self._current(session).values())
@@ -133,3 +149,18 @@ def natural(name: str) -> list[tuple[int, str]]:
     """
     parts = re.findall(r"[0-9]{1,18}|[^0-9]+", name)
     return [(int(part), "") if part[0] in DIGITS else (-1, part) for part in parts]
+
+
+def settle(library: CaseLibrary, fleet: Fleet) -> None:
+    """Bring the alarms to what is known of the gearboxes, and put into the outbox what is to be told."""
+    with library.reading() as session:
+        changed = fleet.changed(session)
+        places = unsettled(session, fleet.in_service(session), changed)
+    for axis, gearbox in places:
+        with library.transaction(ACTOR) as session:
+            review(session, axis, gearbox, changed)
+
+
+def alarm_watch(library: CaseLibrary, fleet: Fleet) -> Periodic:
+    """Return what does that every ten minutes; several at once tell nobody twice."""
+    return Periodic("alarm watch", EVERY_S, lambda: settle(library, fleet))

@@ -12,10 +12,8 @@ from limits.storage import MemoryStorage
 from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
-from app.alarms.watch import alarm_watch
 from app.background_cache import Beside, CachedQuery, Pending
-from app.cleanup import leftovers
-from app.fleet import Fleet
+from app.fleet import Fleet, alarm_watch
 from app.http.key_usage import KeyNotes
 from app.http.metrics import Metrics
 from app.jobs.feed import JobFeed
@@ -23,7 +21,7 @@ from app.jobs.jobs import Jobs
 from app.periodic import Periodic
 from app.recordings.retention import retention
 from app.settings import Settings
-from app.upkeep import Upkeep
+from app.upkeep import Upkeep, leftovers
 from casebase.library import CaseLibrary
 from casebase.reasoning.evaluation import Evaluation
 from casebase.review import Review, review

@@ -1,4 +1,4 @@
-"""What a message says: a sentence for people, a document for programs."""
+"""What a message says, a sentence for people, a document for programs; and why it was not taken."""
 
 import json
 from collections.abc import Mapping
@@ -12,6 +12,14 @@ from casebase.store.models import Delivery
 
 SCHEMA = "gearcase-alarm/1"
 DISCLAIMER = "This is an aid for people who maintain gearboxes, not a safety function."
+
+
+class DeliveryError(Exception):
+    """The receiver did not take a message; the text says why and holds no secret."""
+
+
+class RefusedError(DeliveryError):
+    """The receiver will not take it however often it is sent."""
 
 
 @dataclass(frozen=True)

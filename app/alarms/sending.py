@@ -8,12 +8,9 @@ from zoneinfo import ZoneInfo
 
 import structlog
 
-from app.alarms.email import send_email
-from app.alarms.failure import DeliveryError, RefusedError
-from app.alarms.message import Message, message_of
-from app.alarms.mqtt import publish
-from app.alarms.webhook import post_webhook
-from app.jobs.job import JobKind, Json, Report
+from app.alarms.message import DeliveryError, Message, RefusedError, message_of
+from app.alarms.senders import post_webhook, publish, send_email
+from app.jobs.job import JobKind, Json
 from app.settings import Settings, settings_of
 from casebase.alarms import outbox
 from casebase.library import CaseLibrary
@@ -31,16 +28,10 @@ def deliveries(library: CaseLibrary) -> JobKind:
     """The kind of job that sends."""
     settings = settings_of(library.data_dir)
 
-    def nothing(_parameters: dict[str, Json]) -> list[dict[str, Json]]:
-        return []
-
-    def run(_task: dict[str, Json], _report: Report) -> Json:
-        raise AssertionError("a delivery has no tasks")
-
     def finish(parameters: dict[str, Json], _results: list[Json]) -> Json:
         return {"state": attempt(library, settings, str(parameters["delivery"]), str(parameters["job"]))}
 
-    return JobKind(outbox.KIND, "sending", nothing, run, finish)
+    return JobKind(outbox.KIND, "sending", plan=lambda _: [], run=lambda *_: None, finish=finish)
 
 
 def attempt(library: CaseLibrary, settings: Settings, delivery_id: str, job_id: str) -> str:

@@ -11,7 +11,7 @@ from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
 from casebase.alarms import outbox
-from casebase.alarms.state import State, heard_last, state_of, states_of
+from casebase.alarms.state import State, state_of, states_of
 from casebase.description import check_choice
 from casebase.errors import InvalidRequestError, NotFoundError
 from casebase.gearboxes import GearboxRecording, History, Place
@@ -96,85 +96,57 @@ def standing(session: Session) -> Sequence[Alarm]:
     return session.scalars(select(Alarm).where(Alarm.ended_at.is_(None)).order_by(Alarm.id.desc())).all()
 
 
-def review(session: Session, axis: str | None, gearbox: str | None) -> None:
-    """Hold all rules against a gearbox of which something new is known, and put into the outbox what is to be told."""
+def review(
+    session: Session, axis: str | None, gearbox: str | None, changed: Mapping[Place, datetime] | None = None
+) -> None:
+    """Hold all rules against a gearbox of which something new is known, and put into the outbox what is to be told.
+
+    Args:
+        changed: since when gearboxes sound otherwise than they did; rules of change stay as they are where None.
+    """
     if axis is None and gearbox is None:
         return
     of_it = select(AlarmRule).where(
-        AlarmRule.kind != "change",
+        AlarmRule.kind.in_(ALARM_KINDS if changed is not None else ("state", "silence")),
         or_(AlarmRule.axis.is_(None), AlarmRule.axis == axis),
         or_(AlarmRule.gearbox.is_(None), AlarmRule.gearbox == gearbox),
     )
     rules = session.scalars(of_it).all()
     state = state_of(session, axis, gearbox) if rules else None
     for rule in rules:
-        _settle(session, rule, Subject(axis, gearbox), None if state is None else matched(rule, state))
+        _settle(session, rule, (axis, gearbox), matched(rule, state, (changed or {}).get((axis, gearbox))))
 
 
-def unsettled(session: Session, serving: Iterable[History]) -> list[Place]:
-    """Return the gearboxes whose state is not what the alarms say: those that `review` has something to do for.
+def unsettled(session: Session, serving: Iterable[History], changed: Mapping[Place, datetime]) -> list[Place]:
+    """Return the gearboxes of which the alarms do not say what is known: those that `review` has something to do for.
 
     Args:
         serving: all gearboxes in service.
+        changed: as `review` takes it.
     """
-    rules = session.scalars(select(AlarmRule).where(AlarmRule.kind == "state")).all()
-    states = states_of(session, list(serving)) if rules else []
+    rules = list_rules(session)
+    states = {(each.axis, each.gearbox): each for each in (states_of(session, list(serving)) if rules else ())}
     meant = {
-        (rule.id, state.axis or "", state.gearbox or "")
-        for state in states
+        (rule.id, axis or "", gearbox or "")
+        for axis, gearbox in {**states, **changed}
         for rule in rules
-        if rule.axis in (None, state.axis) and rule.gearbox in (None, state.gearbox) and matched(rule, state)
+        if rule.axis in (None, axis)
+        and rule.gearbox in (None, gearbox)
+        and matched(rule, states.get((axis, gearbox)), changed.get((axis, gearbox)))
     }
-    of_rules = {rule.id for rule in rules}
-    told = {(row.rule_id, row.axis, row.gearbox) for row in standing(session) if row.rule_id in of_rules}
+    told = {(row.rule_id, row.axis, row.gearbox) for row in standing(session)}
     return sorted({(axis or None, gearbox or None) for _, axis, gearbox in meant ^ told}, key=str)
 
 
-def asks_for_changes(session: Session) -> bool:
-    """Whether there is a rule of change."""
-    return session.scalar(select(AlarmRule.id).where(AlarmRule.kind == "change").limit(1)) is not None
-
-
-def review_changes(session: Session, began: Mapping[tuple[str, str | None], datetime | None]) -> None:
-    """Hold the rules of change against all gearboxes in service.
-
-    Args:
-        began: by axis and gearbox, since when it sounds otherwise than it did; None where it does not.
-    """
-    for rule in session.scalars(select(AlarmRule).where(AlarmRule.kind == "change")).all():
-        alarms = session.scalars(select(Alarm).where(Alarm.rule_id == rule.id, Alarm.ended_at.is_(None))).all()
-        told = {(alarm.axis or None, alarm.gearbox or None) for alarm in alarms}
-        meant = {
-            (axis, gearbox)
-            for (axis, gearbox), began_at in began.items()
-            if began_at is not None and rule.axis in (None, axis) and rule.gearbox in (None, gearbox)
-        }
-        for axis, gearbox in told ^ meant:
-            began_at = None if axis is None or (axis, gearbox) in told else began[axis, gearbox]
-            facts = None if began_at is None else {"began_at": began_at.isoformat()}
-            _settle(session, rule, Subject(axis, gearbox), facts)
-
-
-def newly_silent(session: Session) -> list[tuple[str | None, str | None]]:
-    """Return axis and gearbox of those that a rule of silence holds of and nobody was told of yet."""
-    found: dict[tuple[str | None, str | None], None] = {}
-    for rule in session.scalars(select(AlarmRule).where(AlarmRule.kind == "silence")).all():
-        for axis, gearbox, heard_at in heard_last(session, rule.axis, rule.gearbox):
-            if _is_silent(rule, heard_at) and _standing(session, rule, Subject(axis, gearbox)) is None:
-                state = state_of(session, axis, gearbox)
-                if state is not None and matched(rule, state):
-                    found[axis, gearbox] = None
-    return list(found)
-
-
-def _is_silent(rule: AlarmRule, heard_at: datetime) -> bool:
-    return heard_at < now() - timedelta(days=rule.silent_days or 0.0)
-
-
-def matched(rule: AlarmRule, state: State) -> dict[str, object] | None:
-    """Return the facts by which a rule holds of a state, JSON; None where it does not hold."""
+def matched(rule: AlarmRule, state: State | None, changed_at: datetime | None = None) -> dict[str, object] | None:
+    """Return the facts, JSON, by which a rule holds of a gearbox; None where it does not hold."""
+    if rule.kind == "change":
+        return None if changed_at is None else {"began_at": changed_at.isoformat()}
+    if state is None:
+        return None
     if rule.kind == "silence":
-        return _told_of(state.newest, silent_days=rule.silent_days) if _is_silent(rule, state.newest.at) else None
+        silent = state.newest.at < now() - timedelta(days=rule.silent_days or 0.0)
+        return _told_of(state.newest, silent_days=rule.silent_days) if silent else None
     if rule.verdict not in (None, "diagnosed"):
         return _told_of(state.newest, verdict=rule.verdict) if state.verdict == rule.verdict else None
     if state.fault is None:
@@ -203,39 +175,28 @@ def _told_of(heard: GearboxRecording, **facts: object) -> dict[str, object]:
     return {"heard_at": heard.at.isoformat(), "diagnosis_id": heard.diagnosis_id, **facts}
 
 
-@dataclass(frozen=True)
-class Subject:
-    """The gearbox that a rule is held against."""
-
-    axis: str | None
-    gearbox: str | None
-
-    @property
-    def key(self) -> tuple[str, str]:
-        """What its alarms are found by."""
-        return self.axis or "", self.gearbox or ""
-
-
-def _settle(session: Session, rule: AlarmRule, subject: Subject, facts: Mapping[str, object] | None) -> None:
+def _settle(session: Session, rule: AlarmRule, place: Place, facts: Mapping[str, object] | None) -> None:
     """Begin the alarm of a rule that holds by these facts and tell its receivers; end it where there are none."""
-    if (facts is not None) == (_standing(session, rule, subject) is not None):
+    if (facts is not None) == (_standing(session, rule, place) is not None):
         return
     # of several who notice at once one tells it
     if session.scalar(select(AlarmRule.id).where(AlarmRule.id == rule.id).with_for_update()) is None:
         return
-    alarm = _standing(session, rule, subject)
+    alarm, (axis, gearbox) = _standing(session, rule, place), place
     if alarm is not None and facts is None:
         alarm.ended_at = now()
     if alarm is None and facts is not None:
-        axis, gearbox = subject.key
-        session.add(Alarm(rule_id=rule.id, axis=axis, gearbox=gearbox))
-        about = {"kind": rule.kind, "rule": rule.name, "axis": subject.axis, "gearbox": subject.gearbox}
+        session.add(Alarm(rule_id=rule.id, axis=axis or "", gearbox=gearbox or ""))
+        about = {"kind": rule.kind, "rule": rule.name, "axis": axis, "gearbox": gearbox}
         outbox.post(session, [str(each) for each in rule.receivers], {**about, **facts})
 
 
-def _standing(session: Session, rule: AlarmRule, subject: Subject) -> Alarm | None:
-    axis, gearbox = subject.key
+def _standing(session: Session, rule: AlarmRule, place: Place) -> Alarm | None:
+    axis, gearbox = place
     statement = select(Alarm).where(
-        Alarm.rule_id == rule.id, Alarm.axis == axis, Alarm.gearbox == gearbox, Alarm.ended_at.is_(None)
+        Alarm.rule_id == rule.id,
+        Alarm.axis == (axis or ""),
+        Alarm.gearbox == (gearbox or ""),
+        Alarm.ended_at.is_(None),
     )
     return session.scalar(statement.execution_options(populate_existing=True))

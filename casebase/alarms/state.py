@@ -1,19 +1,17 @@
-"""What the rules look at: the fault that stands of a gearbox, its newest diagnosis, and when it was heard last.
+"""What the rules look at: the fault that stands of a gearbox, and its newest diagnosis.
 
 Whether a fault stands is asked of `casebase.gearbox_state`, as the page of the gearbox and the queue do.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
 
-from sqlalchemy import func, or_, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from casebase.gearbox_state import NamedFault, standing_fault
-from casebase.gearboxes import HEARD_AT, REJECTED, GearboxRecording, History, histories
-from casebase.origins import demonstrations
-from casebase.store.models import StoredDiagnosis, StoredRecording
+from casebase.gearboxes import REJECTED, GearboxRecording, History, histories
+from casebase.store.models import StoredDiagnosis
 
 
 @dataclass(frozen=True)
@@ -71,28 +69,6 @@ def states_of(session: Session, several: Sequence[History]) -> list[State]:
         told = None if fault is None else _told(fault.named[-1], documents.get(fault.named[-1].diagnosis_id or ""))
         states.append(State(history.axis, history.gearbox, newest, verdict, told))
     return states
-
-
-def heard_last(
-    session: Session, axis: str | None, gearbox: str | None
-) -> Iterator[tuple[str | None, str | None, datetime]]:
-    """Yield axis, gearbox and when it was heard last of each gearbox that was ever diagnosed.
-
-    Args:
-        axis, gearbox: only those of it; of any where None.
-    """
-    statement = (
-        select(StoredRecording.axis, StoredRecording.gearbox, func.max(HEARD_AT))
-        .join(StoredDiagnosis, StoredDiagnosis.recording_id == StoredRecording.id)
-        .where(or_(StoredRecording.axis.is_not(None), StoredRecording.gearbox.is_not(None)))
-        .where(StoredDiagnosis.state != REJECTED, StoredRecording.id.not_in(demonstrations(session)))
-        .group_by(StoredRecording.axis, StoredRecording.gearbox)
-    )
-    for column, wanted in ((StoredRecording.axis, axis), (StoredRecording.gearbox, gearbox)):
-        if wanted is not None:
-            statement = statement.where(column == wanted)
-    for each in session.execute(statement):
-        yield each[0], each[1], each[2]
 
 
 def _newest(history: History) -> GearboxRecording | None:

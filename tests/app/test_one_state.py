@@ -9,8 +9,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from app.alarms.watch import tell_states
-from app.fleet import Fleet
+from app.fleet import Fleet, settle
 from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.sounds import RATE_HZ, hum, wav
 from casebase.alarms.rules import standing
@@ -98,7 +97,7 @@ def agree(service: Inside, gearbox: str, state: str, *, stands: bool) -> None:
 
 def look(service: Inside) -> None:
     """What the alarm worker of a process that has just started does."""
-    tell_states(service.service.library, Fleet())
+    settle(service.service.library, Fleet())
 
 
 def test_fault_good_good_good_as_recordings_come(service: Inside) -> None:

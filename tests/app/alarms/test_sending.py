@@ -9,10 +9,9 @@ from pathlib import Path
 import pytest
 from sqlalchemy import select
 
+from app.alarms.senders import is_public
 from app.alarms.sending import RETRIES, attempt, quiet_until
-from app.alarms.watch import tell_changed, tell_silent
-from app.alarms.webhook import is_public
-from app.fleet import Fleet
+from app.fleet import Fleet, settle
 from app.settings import Settings
 from casebase.alarms import outbox
 from casebase.library import CaseLibrary
@@ -199,8 +198,7 @@ def test_silence_is_noticed_though_nothing_comes(library: CaseLibrary) -> None:
         ruled(session, kind="silence", silent_days=30.0)
         ruled(session, name="change", kind="change")
     for _ in range(2):
-        tell_silent(library)
-        tell_changed(library, Fleet())  # one recording is no trend
+        settle(library, Fleet())  # one recording is no trend
     with library.reading() as session:
         (delivery,) = session.scalars(select(Delivery)).all()
         assert delivery.message["kind"] == "silence"

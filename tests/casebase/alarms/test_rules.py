@@ -11,6 +11,7 @@ from casebase.alarms.rules import Condition
 from casebase.alarms.state import state_of
 from casebase.diagnoses import revise_diagnosis
 from casebase.errors import ConflictError, InvalidRequestError
+from casebase.gearboxes import Place, histories
 from casebase.library import CaseLibrary
 from casebase.store.models import (
     AuditEntry,
@@ -41,6 +42,15 @@ def diagnosed(
     session.flush()
     rules.review(session, recording.axis, recording.gearbox)
     return row.id
+
+
+def settled(session: Session, changed: dict[Place, datetime] | None = None) -> list[Place]:
+    """What the alarm worker finds of the gearboxes g1 and g2, and settles."""
+    serving = [each for name in ("g1", "g2") for each in histories(session, "bench", name)[-1:]]
+    places = rules.unsettled(session, serving, changed or {})
+    for axis, gearbox in places:
+        rules.review(session, axis, gearbox, changed or {})
+    return places
 
 
 def told(session: Session) -> list[object]:
@@ -129,29 +139,27 @@ def test_silence_is_told_once_and_ends_when_it_is_heard(library: CaseLibrary) ->
         for row in session.scalars(select(StoredRecording).where(StoredRecording.gearbox == "g2")):
             row.recorded_at = now() - timedelta(days=4)
         session.flush()
-        assert rules.newly_silent(session) == [("bench", "g2")]
-        rules.review(session, "bench", "g2")
-        assert rules.newly_silent(session) == []
+        assert settled(session) == [("bench", "g2")]
+        assert settled(session) == []
         assert told(session) == ["rule", "rule"]
         diagnosed(session, "normal", gearbox="g1")
         assert [alarm.gearbox for alarm in rules.standing(session)] == ["g2"]
 
 
 def test_a_change_is_told_once_and_ends_with_the_trend(library: CaseLibrary) -> None:
-    here, there = ("bench", "g1"), ("bench", None)
+    here: Place = ("bench", "g1")
+    there: Place = ("bench", None)
     with library.transaction("test") as session:
-        assert not rules.asks_for_changes(session)
         ruled(session, kind="change")
-        assert rules.asks_for_changes(session)
-        for began in ({here: None, there: None}, {here: now(), there: None}, {here: now(), there: now()}):
-            rules.review_changes(session, began)
+        for changed in ({}, {here: now()}, {here: now(), there: now()}):
+            settled(session, changed)
         assert [row.message["gearbox"] for row in session.scalars(select(Delivery).order_by(Delivery.id))] == [
             "g1",
             None,
         ]
         diagnosed(session, "notch")  # which a rule of change does not look at
         assert len(told(session)) == 2
-        rules.review_changes(session, {here: None})
+        settled(session)
         assert rules.standing(session) == []
 
 
@@ -171,9 +179,8 @@ def test_a_gearbox_that_was_exchanged_is_not_missed(sqlite_library: CaseLibrary)
             )
         )
         ruled(session, kind="silence", silent_days=3.0)
-        assert rules.newly_silent(session) == [("bench", "g2")]
-        for gearbox in ("g1", "g2"):
-            rules.review(session, "bench", gearbox)
+        assert settled(session) == [("bench", "g2")]
+        rules.review(session, "bench", "g1")
         assert [alarm.gearbox for alarm in rules.standing(session)] == ["g2"]
 
 
