@@ -1,8 +1,9 @@
 """What goes over the edge: pydantic models of requests and answers, SI units named in the keys."""
 
-from collections.abc import Callable, Iterator
-from datetime import UTC
-from typing import Annotated, Generic, Literal, TypeVar
+from collections.abc import Callable, Collection, Iterator
+from datetime import UTC, datetime
+from inspect import get_annotations
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, get_args
 
 from fastapi import Path, Query
 from pydantic import MISSING, AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, model_validator
@@ -11,13 +12,13 @@ from sqlalchemy.orm import Session
 from app.http.keys import Role
 from casebase.axes import is_axis, unknown_axis
 from casebase.store.fields import Label, Positive, Text, Verification, Verified, Word
-from casebase.store.models import StoredDiagnosis
+from casebase.store.models import ApiKey, AuditEntry, AxisRevision, Base, Case, StoredDiagnosis, StoredRecording
 from casebase.store.pagination import Page
 from signals.reading.text import is_whole
 from signals.recording_quality.quality import DISTURBANCES
 
 Row = TypeVar("Row")
-Document = TypeVar("Document", bound=BaseModel)
+Document = TypeVar("Document")
 
 Identifier = Annotated[str, Path(pattern=r"^[0-9a-f]{32}$", description="as answered by the call that made it")]
 Limit = Annotated[int, Query(ge=1, le=200, description="items per page")]
@@ -36,9 +37,26 @@ Instant = Annotated[AwareDatetime, AfterValidator(lambda time: time.astimezone(U
 
 
 class Answer(BaseModel):
-    """An answer, read from the attributes of a row."""
+    """An answer, read from the attributes of a row.
+
+    `of` a table it has all columns but those named in `without`; what it states itself counts.
+    """
 
     model_config = ConfigDict(from_attributes=True)
+
+    def __init_subclass__(cls, of: type[Base] | None = None, without: Collection[str] = (), **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if of is not None:
+            names = [column.key for column in of.__mapper__.column_attrs if column.key not in without]
+            hints = {name: hint for base in reversed(of.__mro__) for name, hint in get_annotations(base).items()}
+            kinds = {name: get_args(hints[name])[0] for name in names}
+            times = {datetime: Instant, datetime | None: Instant | None}
+            columns = {name: times.get(kind, kind) for name, kind in kinds.items()}
+            cls.__annotations__ = {**columns, **get_annotations(cls)}
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
 
 
 class Question(BaseModel):
@@ -100,71 +118,26 @@ class KeyRequest(Question):
     role: Role = Field(description="a viewer reads, an operator diagnoses, an admin does all", examples=["operator"])
 
 
-class KeyAnswer(Answer):
+class KeyAnswer(Answer, of=ApiKey, without=("key_sha256",)):
     """A key as the list shows it: never the key itself."""
 
-    id: str
-    name: str
     role: Role
-    created_at: Instant
-    created_by: str
-    last_used_at: Instant | None
-    revoked_at: Instant | None
 
 
 class NewKey(KeyAnswer):
     key: str | None = Field(description="the key itself, this once; null when an Idempotency-Key is repeated")
 
 
-class AuditAnswer(Answer):
+class AuditAnswer(Answer, of=AuditEntry):
     """Who did what to which, with what it was and became."""
 
-    id: int
-    at: Instant
-    actor: str
-    action: str
-    subject_kind: str
-    subject_id: str
-    before: dict[str, object]
-    after: dict[str, object]
-    request_id: str | None
 
-
-class AxisAnswer(Answer):
+class AxisAnswer(Answer, of=AxisRevision, without=("investigation_id",)):
     """One revision of an axis description."""
-
-    name: str
-    revision: int
-    document: dict[str, object]
-    note: str | None
-    created_at: Instant
-    created_by: str
 
 
 class RobotAnswer(AxisAnswer):
     """One revision of a robot's description; the axes of its joints stand in it. Its URDF is asked for by itself."""
-
-
-class LimitsAnswer(Answer):
-    """How large a request may be and how many are served at once."""
-
-    accept_lossy: bool
-    upload_bytes: int
-    document_bytes: int
-    anonymous_bytes: int
-    metadata_bytes: int
-    form_parts: int
-    header_timeout_s: float
-    body_timeout_s: float
-    upload_timeout_s: float
-    uploads_per_key: int
-    uploads_at_once: int
-    looks_per_key: int
-    looks_at_once: int
-    page_items: int
-    failed_keys: str
-    idempotency_hours: int
-    decoding: dict[str, float] = Field(description="of one recording: seconds, samples, channels, rates")
 
 
 class QualityDocument(Answer):
@@ -186,33 +159,12 @@ class DisturbanceDocument(BaseModel):
     severity: Literal["info", "poor"] = Field(description="info: left out or harmless; poor: no label is relied on")
 
 
-class RecordingAnswer(Answer):
+class RecordingAnswer(Answer, of=StoredRecording, without=("fingerprint", "sound")):
     """A recording, how it was taken, and where its plots and sound are."""
 
-    id: str
-    file_name: str
-    media_type: str
-    file_sha256: str
-    samples_sha256: str
-    byte_count: int
-    sample_rate_hz: float
-    channel: int
-    channels: int
-    duration_s: float
-    unit: str
-    usable: bool
     quality: list[QualityDocument]
-    axis: str | None
-    gearbox: str | None
-    payload_kg_m2: float | None
-    speed_rad_s: float | None
-    recorded_at: Instant | None
-    description: dict[str, object]
-    created_at: Instant
-    created_by: str
     sound_id: str = Field(description="the same for recordings of one sound, whatever their container, rate or gain")
     erased_at: Instant | None = Field(description="since when the audio is not kept any more")
-    erased_by: str | None
 
 
 class ErasedAnswer(Answer):
@@ -225,28 +177,12 @@ class ErasedAnswer(Answer):
     same_sound: list[str] = Field(description="ids of recordings of the same sound in other files: audio still there")
 
 
-class CaseAnswer(Answer):
+class CaseAnswer(Answer, of=Case, without=("key", "recording_id", "library_version")):
     """A recording with a label: what the library knows."""
 
-    id: str
-    label: str
     origin: Literal["measured", "simulated"]
     state: Literal["proposed", "confirmed", "retired"]
-    mechanism: str | None
-    location: str | None
-    severity: float | None
-    parameters: dict[str, object]
-    model_version: str | None
-    batch: str | None
-    diagnosis_id: str | None
-    labelled_by: str
-    verified_by: str | None
     verification: Verified | None
-    quarantine_reason: str | None
-    note: str | None
-    version: int
-    created_at: Instant
-    updated_at: Instant
     recording: RecordingAnswer
 
 

@@ -17,7 +17,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session, defer
 
-from app.jobs.job import JobError, JobKind, JobNotFoundError, Json, Report
+from app.jobs.job import Job, JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs.jobs import Jobs
 from app.recordings.intake import read_sound
 from app.report.investigation_report import investigation_report
@@ -146,8 +146,8 @@ def _checked_joints(path: Path, joints: Sequence[LoggedJoint], channels: str | N
             raise type(error)(f"{joint.name}: {error}") from error
 
 
-def submit(session: Session, question: Question) -> StoredInvestigation:
-    """Store what is asked; the caller orders the job, under the investigation's id, in this transaction."""
+def submit(session: Session, jobs: Jobs, question: Question) -> Job:
+    """Store what is asked, and order its job in the same transaction; both have the same id."""
     row = StoredInvestigation(
         id=new_id(),
         axis=question.axis,
@@ -161,7 +161,7 @@ def submit(session: Session, question: Question) -> StoredInvestigation:
     session.flush()
     asked = {("robot" if row.robot else "axis"): row.subject, **question.inputs}
     audit.record(session, "investigation.asked", ("investigation", row.id), after=asked)
-    return row
+    return jobs.order(session, KIND, {"investigation_id": row.id}, job_id=row.id, submitted_by=row.created_by)
 
 
 def _readable(measured: Measured, read: Callable[[Path], object], *, several: bool) -> None:

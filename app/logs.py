@@ -20,23 +20,15 @@ FILE_BYTES, FILES = 10_000_000, 3
 """Of a log in a folder: so large, and so many older ones are kept."""
 
 
-def without_keys(_: Any, __: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
-    """Processor: replace whatever looks like a key, in any text of the entry."""
-    for name, value in event.items():
-        if isinstance(value, str):
-            event[name] = KEY.sub(HIDDEN, value)
-    return event
+def shown(_: Any, __: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
+    """Processor: in any text of the entry hide what looks like a key, and shorten what is longer than anybody reads.
 
-
-def bounded(_: Any, __: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
-    """Processor: shorten texts that are longer than anybody reads, such as a path that a client made up.
-
-    >>> len(bounded(None, "", {"path": "/" * 60_000})["path"]) < 2_100
+    >>> len(shown(None, "", {"path": "/" * 60_000})["path"]) < 2_100
     True
     """
     for name, value in event.items():
         if isinstance(value, str):
-            event[name] = _shortened(value, LONGEST_TRACE if name == "exception" else LONGEST)
+            event[name] = _shortened(KEY.sub(HIDDEN, value), LONGEST_TRACE if name == "exception" else LONGEST)
     return event
 
 
@@ -75,8 +67,7 @@ def configure_logs(program: str, folder: Path | None = None, level: int = loggin
             processors=[
                 structlog.stdlib.ProcessorFormatter.remove_processors_meta,
                 structlog.processors.format_exc_info,
-                without_keys,
-                bounded,
+                shown,
                 structlog.processors.JSONRenderer(default=str),
             ],
         )

@@ -7,22 +7,18 @@ from importlib.metadata import version
 from fastapi import APIRouter, Depends, FastAPI
 from starlette.middleware import Middleware
 from starlette.middleware.exceptions import ExceptionMiddleware
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
 
 from app.api import (
     alarms,
-    audit,
     axes,
     cases,
     diagnoses,
-    health,
     investigations,
     jobs,
-    keys,
-    library,
-    limits,
-    queue,
+    operation,
     recordings,
-    retrievals,
     robots,
     simulations,
     steps,
@@ -30,7 +26,7 @@ from app.api import (
 from app.http.concurrency_limiter import ConcurrencyLimiter
 from app.http.errors import add_problem_handlers
 from app.http.metrics import Metrics
-from app.http.middleware import CloseUnread, Faults, HeadIsGet, RequestRecord, SecurityHeaders
+from app.http.middleware import CloseUnread, HeadIsGet, RequestRecord, SecurityHeaders
 from app.http.reference import PROBLEMS, describe, only_known_query
 from app.http.request_limits import RequestLimits, terms_of_all
 from app.service import Service
@@ -41,21 +37,16 @@ from signals.reading.decode import warm_up
 
 ROUTERS: tuple[APIRouter, ...] = (
     diagnoses.router,
-    retrievals.router,
     cases.router,
     recordings.router,
-    library.router,
-    queue.router,
     steps.router,
     axes.router,
     robots.router,
     simulations.router,
     jobs.router,
-    keys.router,
-    audit.router,
     alarms.router,
     investigations.router,
-    limits.router,
+    operation.inside,
 )
 """Everything under /api/v1; a new noun is one line here."""
 
@@ -63,6 +54,11 @@ DESCRIPTION = """Diagnosis of robot gearboxes from their sound by comparison wit
 
 Send a recording to `POST /api/v1/diagnoses`; the answer names the fault, the nearest known cases and how much they
 are alike. It is an aid for people who maintain gearboxes, not a safety function."""
+
+
+def leave(_: Request, error: Exception) -> Response:
+    """Answer nobody: the client has left."""
+    raise error
 
 
 def create_app(settings: Settings | None = None, service: Service | None = None) -> FastAPI:
@@ -100,17 +96,15 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
             Middleware(SecurityHeaders),
             Middleware(HeadIsGet),
             Middleware(PageErrors),
-            Middleware(Faults),
         ],
     )
     add_problem_handlers(app)
     for router in ROUTERS:
         app.include_router(router, prefix="/api/v1", responses=PROBLEMS, dependencies=[Depends(only_known_query)])
-    app.include_router(health.router, responses=PROBLEMS)
+    app.include_router(operation.router, responses=PROBLEMS)
     add_pages(app)
-    expected = {kind: handler for kind, handler in app.exception_handlers.items() if kind is not Exception}
-    app.user_middleware += [  # innermost; what the door raises is answered as if a route had raised it
-        Middleware(ExceptionMiddleware, handlers=expected),
+    app.user_middleware += [  # innermost: what it answers, faults too, passes what every answer passes
+        Middleware(ExceptionMiddleware, handlers={**app.exception_handlers, ClientDisconnect: leave}),
         Middleware(RequestLimits, settings=settings),
     ]
     app.openapi = lambda: describe(app)  # type: ignore[method-assign]

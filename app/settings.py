@@ -89,11 +89,6 @@ class Settings(BaseSettings):
         """Where uploads are while they are looked at: a folder each, held by whoever received it."""
         return self.data_dir / "incoming"
 
-    @property
-    def url(self) -> str:
-        """SQLAlchemy URL of the database."""
-        return self.database_url or f"sqlite:///{self.data_dir.absolute() / 'gearcase.sqlite3'}"
-
 
 @lru_cache
 def settings_of(data_dir: Path | None = None) -> Settings:

@@ -12,12 +12,14 @@ from app.http.security import Admin
 from app.service import Reading, TheService
 from casebase.alarms import outbox, rules
 from casebase.store.fields import AxisName, Label, Positive, Word
-from casebase.store.models import AlarmReceiver
+from casebase.store.models import AlarmReceiver, AlarmRule, Delivery
 
 router = APIRouter(prefix="/alarms", tags=["alarms"])
 
 Clock = Annotated[str, StringConstraints(pattern=r"^([01][0-9]|2[0-3]):[0-5][0-9]$")]
 Id = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
+ReceiverKind = Literal["email", "webhook", "mqtt"]
+RuleKind = Literal["state", "change", "silence"]
 StateFilter = Annotated[
     Literal["waiting", "sent", "failed"] | None, Query(description="only those; failed: no further attempt is made")
 ]
@@ -27,7 +29,7 @@ class ReceiverRequest(Question):
     """Where messages are to go."""
 
     name: Word = Field(description="who or what it is", examples=["maintenance team"])
-    kind: Literal["email", "webhook", "mqtt"] = Field(description="how it is reached", examples=["email"])
+    kind: ReceiverKind = Field(description="how it is reached", examples=["email"])
     address: Annotated[str, StringConstraints(min_length=1, max_length=2000)] = Field(
         description="an e-mail address, the URL of a webhook, or an MQTT topic", examples=["maintenance@example.com"]
     )
@@ -41,17 +43,10 @@ class ReceiverRequest(Question):
         return self.quiet_from or "", self.quiet_to or ""
 
 
-class ReceiverAnswer(Answer):
+class ReceiverAnswer(Answer, of=AlarmReceiver, without=("secret",)):
     """A receiver as it is shown: of a webhook no more than its host, and never its secret."""
 
-    id: str
-    name: str
-    kind: Literal["email", "webhook", "mqtt"]
-    address: str
-    quiet_from: str | None
-    quiet_to: str | None
-    created_at: Instant
-    created_by: str
+    kind: ReceiverKind
 
     @classmethod
     def of(cls, row: AlarmReceiver) -> "ReceiverAnswer":
@@ -68,7 +63,7 @@ class RuleRequest(Question):
     """What is to be told: a state of a gearbox, a change of its sound, or its silence."""
 
     name: Word = Field(description="what it is called in messages", examples=["any fault"])
-    kind: Literal["state", "change", "silence"] = Field(
+    kind: RuleKind = Field(
         description="state: a fault stands, or the newest diagnosis has a verdict; change: it sounds otherwise than it "
         "did; silence: not heard"
     )
@@ -93,37 +88,21 @@ class RuleRequest(Question):
         return rules.Condition(**self.model_dump(exclude={"name", "receivers"}))
 
 
-class RuleAnswer(Answer):
+class RuleAnswer(Answer, of=AlarmRule):
     """A rule."""
 
-    id: str
-    name: str
-    kind: Literal["state", "change", "silence"]
-    axis: str | None
-    gearbox: str | None
-    verdict: str | None
-    label: str | None
-    least_probability: float | None
-    least_size_rad: float | None
-    silent_days: float | None
+    kind: RuleKind
     receivers: list[str]
-    created_at: Instant
-    created_by: str
 
 
-class DeliveryAnswer(Answer):
+class DeliveryAnswer(Answer, of=Delivery, without=("job_id",)):
     """One message to one receiver, and what became of it."""
 
     id: str = Field(description="of the message too: the same at every attempt")
-    receiver_id: str
-    receiver_name: str
     state: Literal["waiting", "sent", "failed"]
-    attempts: int
     message: dict[str, object] = Field(description="what is told, as facts")
     error: str | None = Field(description="why the last attempt failed")
     next_at: Instant | None = Field(description="no sooner than this the next attempt is made")
-    sent_at: Instant | None
-    created_at: Instant
 
 
 @router.get("/receivers")

@@ -1,10 +1,10 @@
-"""Cases: what the library knows; added, changed and retired by admins."""
+"""Cases: what the library knows; added, changed and retired by admins; and how well it does as a whole."""
 
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Header, Query, Request, Response, status
 from fastapi.concurrency import run_in_threadpool
-from pydantic import ValidationError
+from pydantic import BaseModel, Field, ValidationError
 from sqlalchemy.orm import Session
 
 from app.documents import (
@@ -13,6 +13,7 @@ from app.documents import (
     CaseChange,
     CaseFromDiagnosis,
     Cursor,
+    EvaluationAnswer,
     Filter,
     Identifier,
     Limit,
@@ -30,6 +31,7 @@ from app.http.uploads import MaybeUpload, Upload, multipart_body
 from app.recordings.intake import take_in
 from app.recordings.metadata import CaseMetadata, read_metadata
 from app.service import Reading, Service, TheService
+from casebase.review import Competence, Finding, Hole, review
 from casebase.search.case_filter import CaseFilter
 from casebase.store.counter import library_version
 from casebase.store.fields import Verified
@@ -210,3 +212,40 @@ def expected(service: Service, if_match: str | None) -> int | None:
     if not (version.isascii() and version.isdigit() and len(version) < 10):
         raise Stale(f"If-Match {if_match!r} is not an ETag of this case; GET it again and use the ETag it comes with.")
     return int(version)
+
+
+class ReviewAnswer(BaseModel):
+    """What a look through the library found."""
+
+    cases: int
+    looked_at: int = Field(description="cases held against all others: all of them in a library of up to 10,000")
+    redundant: list[Finding]
+    contradictory: list[Finding]
+    suspect: list[Finding]
+    far: list[Finding]
+    uncovered: list[Hole]
+    competence: Competence
+    plan: dict[str, object] = Field(description="what `POST /simulations` takes: counts, and campaigns hole by hole")
+
+
+@router.get("/library/evaluation", tags=["library"])
+def evaluation(
+    _: Viewer,
+    session: Reading,
+    service: TheService,
+    group: Annotated[Literal["gearbox", "axis", "case"], Query(description="what is left out together")] = "gearbox",
+    origin: Annotated[
+        Literal["measured", "simulated", "both"], Query(description="cases that answers are given from")
+    ] = "both",
+) -> EvaluationAnswer:
+    """Leave out one gearbox at a time and diagnose it from the others; kept until the library changes."""
+    return EvaluationAnswer.model_validate(service.evaluation(session, group, origin).to_document())
+
+
+@router.get("/library/review", tags=["library"])
+def get_review(_: Viewer, session: Reading, service: TheService) -> ReviewAnswer:
+    """Redundant, contradictory, suspect and far cases, and what is missing.
+
+    `plan` holds what `POST /simulations` takes: the counts of all holes together, and `campaigns` hole by hole.
+    """
+    return ReviewAnswer.model_validate(review(session, service.library.reuse.reasoner(session)).to_document())

@@ -1,8 +1,13 @@
-"""Diagnoses: a recording comes in, a verdict with its nearest cases goes out, a person confirms or corrects it."""
+"""Diagnoses: a recording comes in, a verdict with its nearest cases goes out, a person confirms or corrects it.
+
+The queue has those that need a person, where an answer teaches the library most first. A retrieval stores nothing.
+"""
 
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request, Response, status
+from pydantic import BaseModel, Field
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.documents import (
@@ -17,16 +22,21 @@ from app.documents import (
     page_of,
 )
 from app.http.concurrency_limiter import ReadingLimit
+from app.http.errors import Unprocessable
 from app.http.headers import chosen
 from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Operator, Viewer
 from app.http.uploads import TheUpload, multipart_body
-from app.recordings.intake import take_in
+from app.recordings.intake import decoded, hear, take_in
 from app.recordings.metadata import RecordingMetadata, read_metadata
+from app.recordings.neighbours import NeighbourQuery, RetrievalAnswer, neighbours_of, neighbours_of_stored
 from app.report.diagnosis_view import diagnosis_html
 from app.report.self_contained import self_contained
 from app.service import Reading, TheService
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
+from casebase.errors import ConflictError
+from casebase.queue import reason_of, waiting
+from casebase.store.models import StoredDiagnosis
 
 router = APIRouter(tags=["diagnoses"])
 VerdictFilter = Annotated[
@@ -121,3 +131,69 @@ def revise(
             note=change.note,
         )
         return DiagnosisAnswer.of(row)
+
+
+class WaitingAnswer(BaseModel):
+    """A diagnosis that needs a person."""
+
+    place: int = Field(ge=1, description="in the queue, from 1")
+    reason: Literal["not_in_library", "ambiguous", "fault"] = Field(
+        description="unlike every known kind, not decided, or a likely fault that nobody has confirmed"
+    )
+    diagnosis: DiagnosisAnswer
+
+
+class QueueAnswer(BaseModel):
+    """A page of the queue. What is answered leaves it."""
+
+    count: int = Field(ge=0, description="how many need a person")
+    items: list[WaitingAnswer]
+    next_cursor: str | None
+
+
+@router.get("/queue")
+def queue(_: Viewer, service: TheService, session: Reading, limit: Limit = 50, cursor: Cursor = None) -> QueueAnswer:
+    """The diagnoses that need a person: `PATCH /diagnoses/{id}` answers one, and it is gone from here.
+
+    First stands where the library knows least. An answer may change the order of the others, so whoever answers while
+    reading asks for the first page again.
+    """
+    ids = list(waiting(session, service.fleet.naming(session)))
+    if cursor is not None and cursor not in ids:
+        raise ConflictError("the diagnosis of this cursor does not wait any more: ask again without a cursor")
+    first = 0 if cursor is None else ids.index(cursor) + 1
+    wanted = ids[first : first + limit]
+    rows = {row.id: row for row in session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(wanted)))}
+    items = [
+        WaitingAnswer(place=place, reason=reason_of(rows[each].verdict), diagnosis=DiagnosisAnswer.of(rows[each]))
+        for place, each in enumerate(wanted, start=first + 1)
+    ]
+    return QueueAnswer(count=len(ids), items=items, next_cursor=wanted[-1] if first + limit < len(ids) else None)
+
+
+@router.post("/retrievals", openapi_extra=multipart_body(RecordingMetadata, query=NeighbourQuery))
+def retrieve(_: Viewer, upload: TheUpload, service: TheService) -> RetrievalAnswer:
+    """Find the nearest cases of a recording, and why they are near. Nothing is stored.
+
+    Part `file` with the sound and part `metadata` (JSON) with what is known of it, as for a diagnosis; or
+    `recording_id` or `case_id` in the part `query` for what is stored already, and then without the
+    cases of the same sound.
+    """
+    upload.only("file", "metadata", "query")
+    limit = service.settings.metadata_bytes
+    query: NeighbourQuery = read_metadata(upload.text("query", limit), NeighbourQuery, "query")
+    sent = {"file", "metadata"} & {*upload.files, *upload.fields}
+    if query.recording_id or query.case_id:
+        if sent:
+            raise Unprocessable(f"The query names what is stored, so leave out {' and '.join(sorted(sent))}.")
+        return neighbours_of_stored(service.library, query)
+    if "file" not in upload.files:
+        raise Unprocessable(
+            "There is no recording: send one in the part 'file', or name a `recording_id` or `case_id` in the part "
+            "'query'."
+        )
+    file = upload.file("file")
+    metadata = read_metadata(upload.text("metadata", limit), RecordingMetadata)
+    recording = decoded(file.path, metadata)
+    heard = hear(service.library, recording, file.name, file.media_type, metadata)
+    return neighbours_of(service.library, heard, query)

@@ -1,17 +1,16 @@
 """Investigations: what the model of an axis or a robot gets wrong, by measured data."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response, status
-from pydantic import AwareDatetime, BaseModel, Field
+from pydantic import BaseModel, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from app.api.jobs import JobDocument
 from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, RobotAnswer, page_of
 from app.http.errors import Unprocessable
 from app.http.headers import chosen, location
@@ -19,7 +18,6 @@ from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Admin, Operator, Viewer
 from app.http.uploads import TheUpload, Upload
 from app.investigations import (
-    KIND,
     Measured,
     Question,
     accept,
@@ -31,6 +29,7 @@ from app.investigations import (
     take_in,
     take_in_robot,
 )
+from app.jobs.job import Job
 from app.report.self_contained import self_contained
 from app.robots import BINARY, robot_of
 from app.service import Reading, Service, TheService
@@ -41,7 +40,7 @@ from casebase.store.pagination import page
 from signals.columns.table_kinds import table_kinds
 from sim.description.axis import Axis
 from sim.description.axis_document import parse_axis, read_axis
-from sim.investigation.report.comparison import Became
+from sim.investigation.report.comparison import Row, Value
 
 router = APIRouter(tags=["investigations"])
 PARTS = (
@@ -122,29 +121,23 @@ BODY = {
 }
 
 
-class InvestigationJob(JobDocument):
+@dataclass(frozen=True)
+class InvestigationJob(Job):
     """The job; the investigation has the same id."""
 
     investigation_id: str
 
 
-class InvestigationAnswer(Answer):
+class InvestigationAnswer(
+    Answer, of=StoredInvestigation, without=("job_id", "axis_document", "inputs", "document", "report")
+):
     """An investigation in a list."""
 
-    id: str
-    state: str
-    axis: str | None
-    robot: str | None = Field(None, description="instead of an axis, where all joints of a robot are investigated")
-    diagnosis_id: str | None = Field(
-        None, description="the diagnosis from which it was started, whose recording is heard"
-    )
-    error: str | None
-    created_at: AwareDatetime
-    finished_at: AwareDatetime | None
-    created_by: str
+    robot: str | None = Field(description="instead of an axis, where all joints of a robot are investigated")
+    diagnosis_id: str | None = Field(description="the diagnosis from which it was started, whose recording is heard")
 
 
-class Finding(BaseModel):
+class NamedCause(BaseModel):
     """A cause that the model misses."""
 
     model_config = {"extra": "allow"}
@@ -158,41 +151,7 @@ class InvestigationDocument(BaseModel):
 
     model_config = {"extra": "allow"}
     verdict: str
-    findings: list[Finding]
-
-
-class SizeAnswer(Answer):
-    """A number with its unit and its 90 % interval, in words."""
-
-    name: str
-    value: str
-    interval: str
-
-
-class SideAnswer(Answer):
-    """What one of two investigations says of a finding."""
-
-    how_sure: str
-    sizes: list[SizeAnswer]
-
-
-class FindingBecame(Answer):
-    """A finding of either of two investigations, and what became of it."""
-
-    mechanism: str
-    location: str | None
-    became: Became
-    before: SideAnswer | None
-    after: SideAnswer | None
-
-
-class ValueBecame(Answer):
-    """A number of the description that both have estimated."""
-
-    name: str
-    became: Became
-    before: SizeAnswer
-    after: SizeAnswer
+    findings: list[NamedCause]
 
 
 class ComparisonAnswer(BaseModel):
@@ -201,8 +160,8 @@ class ComparisonAnswer(BaseModel):
     before: str
     after: str
     other_description: bool = Field(description="whether they were held against different descriptions")
-    findings: list[FindingBecame]
-    values: list[ValueBecame]
+    findings: Sequence[Row]
+    values: Sequence[Value]
 
 
 @router.post(
@@ -224,34 +183,23 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
     """
     upload.only(*PARTS)
     service = once.service
-    asked = asked_of(service, upload)
-    kept = once.replay(*asked.content)
+    content, take = asked_of(service, upload)
+    kept = once.replay(*content)
     if kept is not None:
         return kept
-    question = asked.take_in()
+    question = take()
 
     def work(session: Session) -> Made:
-        row = submit(session, question)
-        actor = once.principal.actor
-        job = service.jobs.order(session, KIND, {"investigation_id": row.id}, job_id=row.id, submitted_by=actor)
-        location = str(request.url_for("get_job", job_id=job.id).path)
-        document = JobDocument.of(job).model_dump()
-        answer = InvestigationJob(**document, investigation_id=row.id)
-        return Made(answer, location, status=status.HTTP_202_ACCEPTED)
+        job = submit(session, service.jobs, question)
+        answer = InvestigationJob(**vars(job), investigation_id=job.id)
+        return Made(answer, location(request, "get_job", job_id=job.id), status=status.HTTP_202_ACCEPTED)
 
-    return once.run(work, *asked.content)
+    return once.run(work, *content)
 
 
-@dataclass(frozen=True)
-class InvestigationRequest:
-    """A request whose description was read: `content` is all that makes it the same as another."""
-
-    content: tuple[object, ...]
-    take_in: Callable[[], Question]
-
-
-def asked_of(service: Service, upload: Upload) -> InvestigationRequest:
-    """Return what a form asks for: an investigation of an axis, or of a robot.
+def asked_of(service: Service, upload: Upload) -> tuple[tuple[object, ...], Callable[[], Question]]:
+    """Return what a form asks for, an investigation of an axis or of a robot: all that makes it the same as another
+    request, and what takes it in.
 
     Raises:
         Unprocessable: if parts are missing or do not go together.
@@ -267,16 +215,16 @@ def asked_of(service: Service, upload: Upload) -> InvestigationRequest:
     if {"robot", "urdf"} & {*upload.files, *upload.fields}:
         _refuse_sound(upload)
         robot = robot_of(service, upload)
-        urdf = upload.files["urdf"].name if "urdf" in upload.files else f"{robot.name}.urdf"
+        urdf = upload.file("urdf").name if "urdf" in upload.files else f"{robot.name}.urdf"
         take = partial(take_in_robot, service.library, robot, urdf, telemetry, channels)
-        return InvestigationRequest((robot.document, robot.urdf, hashes, *mapped), take)
+        return (robot.document, robot.urdf, hashes, *mapped), take
     diagnosed = upload.fields.get("diagnosis", "").strip() or None
     if diagnosed is not None:
         sounds = (_recorded(service, upload, diagnosed),)
     axis = axis_of(service, upload)
     offset = offset_of(upload)
     take = partial(take_in, service.library, axis, telemetry, sounds, offset, as_new, channels, diagnosed)
-    return InvestigationRequest((axis.to_mapping(), hashes, offset, *mapped, *([diagnosed] if diagnosed else [])), take)
+    return (axis.to_mapping(), hashes, offset, *mapped, *([diagnosed] if diagnosed else [])), take
 
 
 def _recorded(service: Service, upload: Upload, diagnosis_id: str) -> Measured:
@@ -390,8 +338,8 @@ def compare_investigations(
         before=found.before.id,
         after=found.after.id,
         other_description=found.other_description,
-        findings=[FindingBecame.model_validate(row, from_attributes=True) for row in found.rows],
-        values=[ValueBecame.model_validate(one, from_attributes=True) for one in found.values],
+        findings=found.rows,
+        values=found.values,
     )
 
 

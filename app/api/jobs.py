@@ -1,17 +1,15 @@
 """Jobs: how far they are, live over server-sent events, cancelled and resumed."""
 
 from collections.abc import AsyncIterator
-from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Path, Query
+from fastapi import APIRouter, Depends, Header, Path
 from fastapi.concurrency import run_in_threadpool
 from fastapi.sse import EventSourceResponse, ServerSentEvent
-from pydantic import BaseModel, ConfigDict
 
-from app.documents import CONTINUES, Limit, PageOf, page_of
+from app.documents import Cursor, Limit, PageOf
 from app.http.security import Operator
-from app.jobs.job import Job, JobState
+from app.jobs.job import Job
 from app.service import TheJobs, TheService
 
 router = APIRouter(tags=["jobs"])
@@ -22,43 +20,6 @@ JobId = Annotated[
     str,
     Path(min_length=1, max_length=100, pattern=r"^[0-9A-Za-z-]+$", description="as answered by what ordered the job"),
 ]
-After = Annotated[
-    str | None,
-    Query(max_length=120, description=CONTINUES, json_schema_extra={"pattern": r"^[0-9]{1,16}\.[0-9A-Za-z-]{1,100}$"}),
-]
-
-
-class ProgressDocument(BaseModel):
-    """How far a job is."""
-
-    model_config = ConfigDict(from_attributes=True)
-
-    stage: str
-    fraction: float
-    done: int
-    total: int
-    remaining_s: float | None
-
-
-class JobDocument(BaseModel):
-    """A job."""
-
-    model_config = ConfigDict(from_attributes=True)
-
-    id: str
-    kind: str
-    state: JobState
-    progress: ProgressDocument
-    created_at: datetime
-    finished_at: datetime | None
-    submitted_by: str | None
-    worker: str | None
-    result: Any
-    error: str | None
-
-    @classmethod
-    def of(cls, job: Job) -> "JobDocument":
-        return cls.model_validate(job)
 
 
 def existing(job_id: JobId, jobs: TheJobs) -> Job:
@@ -70,9 +31,9 @@ Existing = Annotated[Job, Depends(existing)]
 
 
 @router.get("/jobs", summary="Jobs, newest first")
-def list_jobs(jobs: TheJobs, _: Operator, limit: Limit = 50, cursor: After = None) -> PageOf[JobDocument]:
-    """Without their results, which `GET /jobs/{id}` has."""
-    return page_of(jobs.page(limit=limit, cursor=cursor), JobDocument.of)
+def list_jobs(jobs: TheJobs, _: Operator, limit: Limit = 50, cursor: Cursor = None) -> PageOf[Job]:
+    page = jobs.page(limit=limit, cursor=cursor)
+    return PageOf(items=list(page.items), next_cursor=page.next_cursor)
 
 
 @router.get("/jobs/{job_id}/events", summary="What happens to a job, live", response_class=EventSourceResponse)
@@ -97,22 +58,21 @@ async def job_events(
         if event is None:
             yield ServerSentEvent(comment="still there")
             continue
-        document = ProgressDocument.model_validate(event.progress)
-        yield ServerSentEvent(event="progress", id=str(event.number), data=document)
-    yield ServerSentEvent(event="end", data=JobDocument.of(await run_in_threadpool(jobs.get, job.id)))
+        yield ServerSentEvent(event="progress", id=str(event.number), data=event.progress)
+    yield ServerSentEvent(event="end", data=await run_in_threadpool(jobs.get, job.id))
 
 
 @router.get("/jobs/{job_id}", summary="A job and how far it is")
-def get_job(job_id: JobId, jobs: TheJobs, _: Operator) -> JobDocument:
-    return JobDocument.of(jobs.get(job_id))
+def get_job(job_id: JobId, jobs: TheJobs, _: Operator) -> Job:
+    return jobs.get(job_id)
 
 
 @router.delete("/jobs/{job_id}", summary="Cancel a job")
-def cancel_job(job_id: JobId, jobs: TheJobs, _: Operator) -> JobDocument:
+def cancel_job(job_id: JobId, jobs: TheJobs, _: Operator) -> Job:
     """Running tasks end, waiting ones never start; what is done stays. A cancelled job can be resumed."""
-    return JobDocument.of(jobs.cancel(job_id))
+    return jobs.cancel(job_id)
 
 
 @router.post("/jobs/{job_id}/resume", summary="Go on with a cancelled job")
-def resume_job(job_id: JobId, jobs: TheJobs, _: Operator) -> JobDocument:
-    return JobDocument.of(jobs.resume(job_id))
+def resume_job(job_id: JobId, jobs: TheJobs, _: Operator) -> Job:
+    return jobs.resume(job_id)

@@ -6,10 +6,10 @@ from fastapi import APIRouter, Request, Response, status
 from pydantic import Field, PositiveFloat
 from sqlalchemy.orm import Session
 
-from app.api.jobs import JobDocument
 from app.documents import Question
 from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Admin
+from app.jobs.job import Job
 from app.service import Service
 from app.simulated.generation import KIND, Campaign, fitted_microphones
 from casebase.axes import get_axis
@@ -40,7 +40,7 @@ class SimulationRequest(Question):
     fitted: bool = Field(True, description="use the sound fitted to the place, where there is one")
 
 
-@router.post("/simulations", status_code=status.HTTP_202_ACCEPTED, response_model=JobDocument)
+@router.post("/simulations", status_code=status.HTTP_202_ACCEPTED, response_model=Job)
 def simulate(wanted: SimulationRequest, _: Admin, once: OnlyOnce, request: Request) -> Response:
     """Generate cases for an axis: a space-filling plan over fault size, place and flank, payload, speed, microphone
     and noise. Cases that are there already are not made again.
@@ -52,7 +52,7 @@ def simulate(wanted: SimulationRequest, _: Admin, once: OnlyOnce, request: Reque
     def work(session: Session) -> Made:
         job = once.service.jobs.order(session, KIND, campaign.to_document(), submitted_by=once.principal.actor)
         location = str(request.url_for("get_job", job_id=job.id).path)
-        return Made(JobDocument.of(job), location, status=status.HTTP_202_ACCEPTED)
+        return Made(job, location, status=status.HTTP_202_ACCEPTED)
 
     return once.run(work, wanted.model_dump(mode="json"))
 

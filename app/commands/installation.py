@@ -10,12 +10,12 @@ import typer
 from sqlalchemy import exists, func, make_url, select
 from sqlalchemy.orm import Session
 
-from app.api.health import FREE_BYTES
-from app.cleanup import leftovers
+from app.api.operation import FREE_BYTES
 from app.commands import DONE, FAILURE, frame
 from app.commands.frame import ACTOR, Json
 from app.http.keys import Role
 from app.investigations import PARTS, files_of
+from app.upkeep import leftovers
 from casebase.errors import BackupError, NotFoundError
 from casebase.library import CaseLibrary
 from casebase.store import backup as backups

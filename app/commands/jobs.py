@@ -3,8 +3,8 @@
 from typing import Annotated
 
 import typer
+from pydantic_core import to_jsonable_python
 
-from app.api.jobs import JobDocument
 from app.commands import DONE, FAILURE, frame
 from app.commands.frame import Json
 from app.jobs.job import Job
@@ -100,7 +100,8 @@ def adopt(
 
 
 def _document(job: Job) -> dict[str, object]:
-    return JobDocument.of(job).model_dump(mode="json")
+    document: dict[str, object] = to_jsonable_python(job)
+    return document
 
 
 def _tell(job: Job, json: bool) -> None:

@@ -1,7 +1,9 @@
 """The one table: what can go wrong -> an RFC 9457 problem that says what was wrong and what would be right."""
 
 import json
+import re
 from collections.abc import Sequence
+from functools import cache
 from http import HTTPStatus
 from typing import Any
 
@@ -14,8 +16,8 @@ from sqlalchemy.exc import DatabaseError, OperationalError
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse
+from starlette.routing import compile_path
 
-from app.http.allowed_methods import offered
 from app.http.finite import finite
 from app.jobs import job as jobs
 from app.storage_faults import is_full, is_unwritable
@@ -28,8 +30,11 @@ from sim import errors as sim
 log = structlog.get_logger(__name__)
 
 
-class BadRequest(StatusProblem):
-    status, type_, title = 400, "bad-request", "The request cannot be read"
+def _problem(status: int, type_: str, title: str) -> type[StatusProblem]:
+    return type(type_, (StatusProblem,), {"status": status, "type_": type_, "title": title})
+
+
+BadRequest = _problem(400, "bad-request", "The request cannot be read")
 
 
 class NotAuthenticated(StatusProblem):
@@ -39,60 +44,20 @@ class NotAuthenticated(StatusProblem):
         super().__init__(detail, headers={"WWW-Authenticate": 'Bearer realm="gearcase"'})
 
 
-class Forbidden(StatusProblem):
-    status, type_, title = 403, "role-too-low", "This key may not do that"
-
-
-class NotFound(StatusProblem):
-    status, type_, title = 404, "not-found", "There is no such thing"
-
-
-class MethodNotAllowed(StatusProblem):
-    status, type_, title = 405, "method-not-allowed", "This method is not offered here"
-
-
-class NotAcceptable(StatusProblem):
-    status, type_, title = 406, "not-acceptable", "None of the accepted media types is offered"
-
-
-class TooSlow(StatusProblem):
-    status, type_, title = 408, "request-too-slow", "The request's body did not arrive in time"
-
-
-class Conflict(StatusProblem):
-    status, type_, title = 409, "conflict", "The request does not fit the present state"
-
-
-class Gone(StatusProblem):
-    status, type_, title = 410, "erased", "It was erased"
-
-
-class Stale(StatusProblem):
-    status, type_, title = 412, "stale", "It was changed by someone else in the meantime"
-
-
-class TooLarge(StatusProblem):
-    status, type_, title = 413, "too-large", "The request is too large"
-
-
-class UnsupportedMedia(StatusProblem):
-    status, type_, title = 415, "unsupported-media", "This kind of content is not taken here"
-
-
-class RangeNotSatisfiable(StatusProblem):
-    status, type_, title = 416, "range-not-satisfiable", "The range lies outside the content"
-
-
-class Unprocessable(StatusProblem):
-    status, type_, title = 422, "unprocessable", "The content is not valid"
-
-
-class IfMatchRequired(StatusProblem):
-    status, type_, title = 428, "if-match-required", "Say which version is to be changed"
-
-
-class TooManyFailures(StatusProblem):
-    status, type_, title = 429, "too-many-failures", "Too many wrong keys from this address"
+Forbidden = _problem(403, "role-too-low", "This key may not do that")
+NotFound = _problem(404, "not-found", "There is no such thing")
+MethodNotAllowed = _problem(405, "method-not-allowed", "This method is not offered here")
+NotAcceptable = _problem(406, "not-acceptable", "None of the accepted media types is offered")
+TooSlow = _problem(408, "request-too-slow", "The request's body did not arrive in time")
+Conflict = _problem(409, "conflict", "The request does not fit the present state")
+Gone = _problem(410, "erased", "It was erased")
+Stale = _problem(412, "stale", "It was changed by someone else in the meantime")
+TooLarge = _problem(413, "too-large", "The request is too large")
+UnsupportedMedia = _problem(415, "unsupported-media", "This kind of content is not taken here")
+RangeNotSatisfiable = _problem(416, "range-not-satisfiable", "The range lies outside the content")
+Unprocessable = _problem(422, "unprocessable", "The content is not valid")
+IfMatchRequired = _problem(428, "if-match-required", "Say which version is to be changed")
+TooManyFailures = _problem(429, "too-many-failures", "Too many wrong keys from this address")
 
 
 class InternalFault(StatusProblem):
@@ -104,17 +69,9 @@ class InternalFault(StatusProblem):
         super().__init__("The fault is in the service's log under request_id.")
 
 
-class Damaged(StatusProblem):
-    status, type_, title = 500, "damaged", "What is stored is damaged; this is not your fault"
-
-
-class Unavailable(StatusProblem):
-    status, type_, title = 503, "unavailable", "The service cannot do this at the moment"
-
-
-class InsufficientStorage(StatusProblem):
-    status, type_, title = 507, "insufficient-storage", "There is no room left to store this"
-
+Damaged = _problem(500, "damaged", "What is stored is damaged; this is not your fault")
+Unavailable = _problem(503, "unavailable", "The service cannot do this at the moment")
+InsufficientStorage = _problem(507, "insufficient-storage", "There is no room left to store this")
 
 DOMAIN: dict[type[Exception], type[StatusProblem]] = {
     library.NotFoundError: NotFound,
@@ -149,7 +106,7 @@ SAFE = ("GET", "HEAD", "OPTIONS")
 """Methods that store nothing."""
 
 
-def validation_problem(errors: Sequence[Any], what: str = "The request") -> Unprocessable:
+def validation_problem(errors: Sequence[Any], what: str = "The request") -> Problem:
     """422 from pydantic's list of errors: one sentence each, and the list for programs."""
     listed: list[dict[str, Any]] = [
         {
@@ -205,7 +162,26 @@ def path_of(request: Request) -> str:
     return str(request.scope["path"].removeprefix(request.scope.get("root_path", "")))
 
 
-def _not_offered(request: Request, headers: dict[str, str]) -> MethodNotAllowed:
+@cache
+def _offers(app: FastAPI) -> tuple[tuple[re.Pattern[str], dict[str, frozenset[str]]], ...]:
+    found = []
+    for path, methods in app.openapi()["paths"].items():
+        queries = {
+            method.upper(): frozenset(each["name"] for each in operation.get("parameters", ()) if each["in"] == "query")
+            for method, operation in methods.items()
+        }
+        found.append((compile_path(path)[0], queries))
+    return tuple(found)
+
+
+def offered(app: FastAPI, path: str) -> dict[str, frozenset[str]]:
+    """Return the methods that the API offers at a path, each with the names of its query parameters."""
+    return {
+        method: names for pattern, queries in _offers(app) if pattern.match(path) for method, names in queries.items()
+    }
+
+
+def _not_offered(request: Request, headers: dict[str, str]) -> Problem:
     methods = offered(request.app, path_of(request))
     allow = ", ".join(sorted(methods)) or headers.get("Allow", "")
     return MethodNotAllowed(

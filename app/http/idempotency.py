@@ -7,11 +7,11 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Annotated
 
 from fastapi import Depends, Header, Request, Response
-from pydantic import BaseModel
+from pydantic_core import to_json
 from sqlalchemy import delete
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
@@ -26,15 +26,15 @@ from casebase.store.models import IdempotencyRecord, now
 class Made:
     """What a POST made: the document to answer, where it is, and what of it may be kept for a repetition."""
 
-    document: BaseModel
+    document: object
     location: str | None = None
     headers: dict[str, str] = field(default_factory=dict)
-    repeated: BaseModel | None = None
+    repeated: object = None
     status: int = 201
 
     def response(self) -> Response:
         headers = {**self.headers, **({"Location": self.location} if self.location else {})}
-        return Response(self.document.model_dump_json(), self.status, headers, "application/json")
+        return Response(to_json(self.document, inf_nan_mode="null"), self.status, headers, "application/json")
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Once:
             with self.service.library.transaction(self.principal.actor, request_id) as session:
                 if self.key is None:
                     return work(session).response()
-                self._forget_old(session)
+                session.execute(delete(IdempotencyRecord).where(IdempotencyRecord.created_at < self._since))
                 kept = self._replay(session, digest)
                 if kept is not None:
                     return kept
@@ -93,7 +93,7 @@ class Once:
 
     def _replay(self, session: Session, digest: str) -> Response | None:
         record = session.get(IdempotencyRecord, (self.principal.key_id, self.key))
-        if record is None or record.status is None or self._old(record):
+        if record is None or record.status is None or record.created_at < self._since:
             return None
         if record.request_sha256 != digest:
             raise Unprocessable(
@@ -103,14 +103,9 @@ class Once:
         return Response(record.body, record.status, headers)
 
     @property
-    def _keep(self) -> timedelta:
-        return timedelta(hours=self.service.settings.idempotency_hours)
-
-    def _old(self, record: IdempotencyRecord) -> bool:
-        return record.created_at < now() - self._keep
-
-    def _forget_old(self, session: Session) -> None:
-        session.execute(delete(IdempotencyRecord).where(IdempotencyRecord.created_at < now() - self._keep))
+    def _since(self) -> datetime:
+        """From when on answers are remembered."""
+        return now() - timedelta(hours=self.service.settings.idempotency_hours)
 
 
 def once(

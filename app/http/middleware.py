@@ -7,10 +7,9 @@ import time
 
 import structlog
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.requests import ClientDisconnect, Request
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.http.errors import problem_handler
 from app.http.metrics import OTHER, Metrics
 from casebase.store import audit
 
@@ -153,33 +152,6 @@ class HeadIsGet:
             await self.app(as_get, receive_until_answered, send_without_body)
         finally:
             scope["route"] = as_get.get("route")
-
-
-class Faults:
-    """Answers what nobody foresaw, so that the answer passes what every answer passes: a page stays a page.
-
-    Starlette's own answer comes from outside of everything else. An answer that has begun can only be broken off.
-    """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        begun = False
-
-        async def send_noted(message: Message) -> None:
-            nonlocal begun
-            begun = True
-            await send(message)
-
-        try:
-            await self.app(scope, receive, send_noted)
-        except ClientDisconnect:
-            raise
-        except Exception as error:
-            if begun or scope["type"] != "http":
-                raise
-            await problem_handler(Request(scope), error)(scope, receive, send)
 
 
 class CloseUnread:

@@ -11,8 +11,7 @@ from fastapi.openapi.utils import get_openapi
 from jinja2 import Environment, PackageLoader, Template
 from markupsafe import Markup, escape
 
-from app.http.allowed_methods import offered
-from app.http.errors import Unprocessable, path_of
+from app.http.errors import Unprocessable, offered, path_of
 
 PROBLEM = {
     "type": "object",

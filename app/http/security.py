@@ -69,7 +69,7 @@ def principal_of(service: Service, key: str, client: str) -> Principal:
     return principal
 
 
-def _refusal(service: Service, key: str, client: str) -> NotAuthenticated | TooManyFailures:
+def _refusal(service: Service, key: str, client: str) -> Exception:
     service.metrics.refused_keys.inc()
     log.warning("key refused", client=client)
     if not service.limiter.hit(service.failed_keys, client):

@@ -42,32 +42,31 @@ class UploadedFile:
 
 @dataclass(frozen=True)
 class Upload:
-    """A multipart request: its files and its text fields by name, and further files of names that were there."""
+    """A multipart request: its files by the name of their part, as they came, and its text fields by name."""
 
-    files: dict[str, UploadedFile]
+    files: dict[str, list[UploadedFile]]
     fields: dict[str, str]
-    more: tuple[tuple[str, UploadedFile], ...] = ()
 
     def file(self, name: str) -> UploadedFile:
-        """Return the file of this part.
+        """Return the first file of this part.
 
         Raises:
             Unprocessable: if there is none.
         """
         if name in self.files:
-            return self.files[name]
+            return self.files[name][0]
         parts = ", ".join(sorted({*self.files, *self.fields})) or "none"
         raise Unprocessable(f"The form needs a file in the part {name!r}; it has the parts: {parts}.")
 
-    def all_of(self, name: str) -> tuple[UploadedFile, ...]:
+    def all_of(self, name: str) -> list[UploadedFile]:
         """Return the files of all parts of this name, as they came."""
-        return tuple(file for part, file in (*self.files.items(), *self.more) if part == name)
+        return self.files.get(name, [])
 
     def text(self, name: str, limit: int) -> str:
         """Return the text of this part, whether sent as a field or as a file; empty where it is missing."""
         if name not in self.files:
             return text_of(self.fields.get(name, ""))
-        return _text(name, self.files[name], limit)
+        return _text(name, self.file(name), limit)
 
     def texts(self, name: str, limit: int) -> dict[str, str]:
         """Return the texts of all files of this part, by the names of the files.
@@ -85,10 +84,8 @@ class Upload:
 
     def filled(self) -> "Upload":
         """Return it without files of no bytes: a browser sends one for each field that was left alone."""
-        kept = [(name, file) for name, file in (*self.files.items(), *self.more) if file.size]
-        first = dict(reversed(kept))
-        more = tuple(each for each in kept if first[each[0]] is not each[1])
-        return Upload(first, self.fields, more)
+        filled = {name: [file for file in files if file.size] for name, files in self.files.items()}
+        return Upload({name: files for name, files in filled.items() if files}, self.fields)
 
     def only(self, *known: str) -> None:
         """Refuse parts that nobody asked for.
@@ -134,20 +131,17 @@ def check_whole(name: str, text: str) -> None:
 
 
 def _store_all(form: FormData, folder: Path) -> Upload:
-    files: dict[str, UploadedFile] = {}
+    files: dict[str, list[UploadedFile]] = {}
     fields: dict[str, str] = {}
-    more: list[tuple[str, UploadedFile]] = []
     for number, (name, value) in enumerate(form.multi_items()):
         if name in fields or (name in files and (name not in SEVERAL or isinstance(value, str))):
             raise Unprocessable(f"The form has the part {name!r} twice; send one recording per request.")
         if isinstance(value, str):
             check_whole(name, value)
             fields[name] = value
-        elif name in files:
-            more.append((name, _store(value, folder, number)))
         else:
-            files[name] = _store(value, folder, number)
-    return Upload(files, fields, tuple(more))
+            files.setdefault(name, []).append(_store(value, folder, number))
+    return Upload(files, fields)
 
 
 def is_form(headers: Headers) -> bool:

@@ -6,24 +6,22 @@ outbox), with a first step; workers (`app.jobs.runner`) claim steps and write wh
 
 from __future__ import annotations
 
-import re
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from importlib import import_module
 from typing import cast
 
-from sqlalchemy import func, select, tuple_
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.jobs.job import Job, JobError, JobEvent, JobKind, JobNotFoundError, JobState, JobStateError, Json, Progress
 from app.settings import Settings
-from casebase.errors import InvalidCursorError
 from casebase.library import CaseLibrary
 from casebase.store import leases
 from casebase.store.models import JobStep, StoredJob, StoredJobEvent, new_id, now
-from casebase.store.pagination import Page, cut
+from casebase.store.pagination import Page, page
 
 ACTOR = "jobs"
 POLL_S = 0.5
@@ -116,18 +114,14 @@ class Jobs:
             StoredJob.kind == kind, StoredJob.parameters["axis"]["name"].as_string() == axis
         )
         with self._library.reading() as session:
-            found = session.scalar(statement.order_by(StoredJob.created_at.desc(), StoredJob.id.desc()).limit(1))
+            found = session.scalar(statement.order_by(StoredJob.id.desc()).limit(1))
         return None if found is None else _job(found)
 
     def page(self, *, limit: int = 50, cursor: str | None = None) -> Page[Job]:
         """A page of the jobs, the newest first. Raises InvalidCursorError."""
-        age = tuple_(StoredJob.created_at, StoredJob.id)
-        statement = select(StoredJob).order_by(StoredJob.created_at.desc(), StoredJob.id.desc()).limit(limit + 1)
-        if cursor is not None:
-            statement = statement.where(age < _read_cursor(cursor))
         with self._library.reading() as session:
-            page = cut(session.scalars(statement).all(), limit, _cursor)
-        return Page([_job(row) for row in page.items], page.next_cursor)
+            found = page(session, select(StoredJob), StoredJob.id, limit=limit, cursor=cursor)
+        return Page([_job(row) for row in found.items], found.next_cursor)
 
     def news(self, job_id: str, *, after: int = -1) -> tuple[Sequence[JobEvent], bool]:
         """The history after event number `after`, and whether nothing will follow. Raises JobNotFoundError."""
@@ -170,10 +164,11 @@ class Jobs:
         return _job(row)
 
     def workers(self) -> dict[str, int]:
-        """Workers that have steps of jobs in hand, and how many."""
-        statement = select(JobStep.lease, func.count()).where(JobStep.lease.is_not(None)).group_by(JobStep.lease)
+        """Workers that have jobs, or steps of them, in hand, and how many."""
+        running = select(StoredJob.worker).where(StoredJob.state == "running")
         with self._library.reading() as session:
-            return {str(lease): count for lease, count in session.execute(statement)}
+            held = [*session.scalars(select(JobStep.lease)), *session.scalars(running)]
+        return dict(Counter(each for each in held if each is not None))
 
     def adopt(self, worker: str) -> int:
         """End a worker's lease, so that others take over now what it has in hand; how much that is."""
@@ -202,14 +197,3 @@ def _job(row: StoredJob) -> Job:
         result=row.result,
         error=row.error,
     )
-
-
-def _cursor(row: StoredJob) -> str:
-    return f"{round(row.created_at.timestamp() * 1e6)}.{row.id}"
-
-
-def _read_cursor(cursor: str) -> tuple[datetime, str]:
-    match = re.fullmatch(r"([0-9]{1,16})\.([0-9A-Za-z-]{1,100})", cursor)
-    if match is None:
-        raise InvalidCursorError("this cursor was not made here; leave it out to start at the newest")
-    return datetime.fromtimestamp(int(match[1]) / 1e6, UTC), match[2]

@@ -237,7 +237,7 @@ class Worker:
                 StoredJob.kind.in_(self.kinds),
                 or_(StoredJob.not_before.is_(None), StoredJob.not_before <= now()),
             )
-            .order_by(priority, StoredJob.created_at, StoredJob.id, JobStep.number)
+            .order_by(priority, StoredJob.id, JobStep.number)
             .limit(1)
         )
 

@@ -312,7 +312,6 @@ class StoredJob(Base):
     steps: Mapped[list["JobStep"]] = relationship()
 
     __table_args__ = (
-        Index("ix_jobs_created", "created_at", "id"),
         Index(
             "ix_jobs_unfinished",
             "id",

@@ -201,7 +201,6 @@ def create_tables() -> None:
         sa.ForeignKeyConstraint(["job_id"], ["jobs.id"], name=op.f("fk_job_events_job_id_jobs")),
         sa.PrimaryKeyConstraint("job_id", "number", name=op.f("pk_job_events")),
     )
-    op.create_index("ix_jobs_created", "jobs", ["created_at", "id"], unique=False)
     op.create_index(
         "ix_jobs_unfinished", "jobs", ["id"], unique=False, sqlite_where=UNFINISHED, postgresql_where=UNFINISHED
     )

@@ -130,7 +130,7 @@ def test_other_errors_of_pages_are_pages(service: Inside) -> None:
 
 
 def test_a_fault_of_the_interface_stays_a_problem_document(service: Inside, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.api.jobs.page_of", fail)
+    monkeypatch.setattr("app.api.jobs.PageOf", fail)
     answer = service.ask("GET", "/api/v1/jobs", headers={"Accept": "text/html"})
     assert (answer.status_code, answer.headers["content-type"]) == (500, "application/problem+json")
     assert answer.headers["x-request-id"] == answer.json()["request_id"]

@@ -16,7 +16,6 @@ from app.http.errors import NotFound, Unprocessable
 from app.http.security import Principal, check_csrf
 from app.http.uploads import TheUpload, Upload
 from app.investigations import (
-    KIND,
     PARTS,
     accept,
     comparable,
@@ -96,11 +95,10 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
         if not name and not robot and not upload.fields.get("diagnosis"):
             raise Unprocessable("Choose a stored axis or robot, or send its axis.toml or robot.toml.")
         upload.fields.update({"axis": name} if name else {"robot": robot} if robot else {})
-    question = asked_of(service, upload).take_in()
+    _, take = asked_of(service, upload)
+    question = take()
     with service.library.transaction(principal.actor) as session:
-        row = submit(session, question)
-        identity = row.id
-        jobs.order(session, KIND, {"investigation_id": identity}, job_id=identity, submitted_by=principal.actor)
+        identity = submit(session, jobs, question).id
     return lead(service, f"/jobs/{identity}")
 
 
