@@ -15,7 +15,7 @@ from signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.investigation.acoustic.evidence import AcousticFinding
 from sim.investigation.acoustic.fusion import beside, listen, listen_alone
-from sim.investigation.acoustic.synchrony import mismatch
+from sim.investigation.acoustic.recording_quality import mismatch
 from sim.investigation.assessment.intervals import estimates
 from sim.investigation.assessment.misfit import adequacy, excess, widened
 from sim.investigation.assessment.remarks import (

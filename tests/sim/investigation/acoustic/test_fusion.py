@@ -14,7 +14,7 @@ from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.investigation.acoustic.evidence import AcousticFinding, Listening, probability
 from sim.investigation.acoustic.fusion import beside, listen, listen_alone
-from sim.investigation.acoustic.synchrony import mismatch
+from sim.investigation.acoustic.recording_quality import mismatch
 from sim.investigation.data.preprocessing import Measurement, prepare
 from sim.investigation.investigate import investigate
 
