@@ -65,7 +65,7 @@ def compared(count: int, size: int) -> list[Row]:
     query = generator.normal(size=size).astype(np.float32)
     matrix = made_matrix(values)
     finders: dict[str, Callable[[Vectors], list[int]]] = {
-        "gearcase": lambda point: matrix.nearest_rows(point, NEAREST)[0].tolist(),
+        "gearcase": lambda point: [match.row for match in matrix.search(point, NEAREST)],
         "scikit-learn brute force": scikit_learn(values),
         "faiss flat": faiss_flat(values),
     }

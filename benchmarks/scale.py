@@ -70,7 +70,7 @@ def measured(folder: Path) -> dict[str, float]:
     peak = peak_bytes()
     query = np.random.default_rng(1).normal(size=len(table.names))
     bare = table.values.copy()
-    calls = {"search": lambda: matrix.nearest_rows(query, NEAREST), "bare": lambda: bare @ query.astype(np.float32)}
+    calls = {"search": lambda: matrix.search(query, NEAREST), "bare": lambda: bare @ query.astype(np.float32)}
     best = best_seconds(calls, rounds=20)
     found = {"cases": len(table), "open_s": opened, "open_cpu_s": opened_cpu, "peak_bytes": peak, **best}
     if len(table) <= FIRST:

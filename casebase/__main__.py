@@ -1,14 +1,10 @@
-"""Compile what is compiled, so that no first search or table waits for it: `python -m casebase`."""
-
-import os
-from pathlib import Path
+"""Compile what is compiled, so that no first search waits for it: `python -m casebase`."""
 
 import numpy as np
 
 from casebase.search.case_table import CaseTable
 from casebase.search.retrieval import CaseMatrix
 from casebase.search.similarity import Metric
-from signals.reading.decimal_text import write_decimals
 
 
 def search_once() -> None:
@@ -20,4 +16,3 @@ def search_once() -> None:
 
 if __name__ == "__main__":
     search_once()
-    write_decimals({"x": np.zeros(1)}, Path(os.devnull))

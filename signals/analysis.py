@@ -103,6 +103,7 @@ class Analysis:
         cut = [
             np.concatenate([values[round(first * step) : round(last * step)] for first, last in runs])
             for runs in self._cycle_runs
+            if runs
         ]
         longest = max((each.size for each in cut), default=0)
         return [each for each in cut if each.size and each.size > longest / 2] or [values]

@@ -11,8 +11,6 @@ from app.report.formatting import ENVIRONMENT, style_sheet
 from app.report.svg import Band, Marker, Series
 from app.report.words import investigation_headline, likely_words
 from sim.description.axis import Axis
-from sim.investigation.estimation.problem import MISTAKEN
-from sim.investigation.model.nominal import DAMPING_SPREAD, LOSS_SPREAD, PAYLOAD_SPREAD, STATED_SPREAD
 from sim.investigation.report.box import (
     Entry,
     box_of,
@@ -22,9 +20,11 @@ from sim.investigation.report.box import (
     size_of,
     unexplained_words,
 )
+from sim.investigation.report.formatting import named
 from sim.investigation.report.panels import AS_DESCRIBED, SHOWS, style_of
-from sim.investigation.report.wording import telling_apart
+from sim.investigation.results import SAID
 from sim.investigation.unexplained import unexplained_of
+from sim.robot.results import SAYS
 
 Document = Mapping[str, Any]
 Part = Literal["causes", "overlay", "residual", "sound"]
@@ -61,11 +61,15 @@ def investigation_report(
         files: names of what was measured.
         parts: of several recordings or joints, the title and the document with its story of each.
     """
+    from sim.investigation.estimation.problem import MISTAKEN  # slow to import, which no page need wait for
+    from sim.investigation.model.nominal import DAMPING_SPREAD, LOSS_SPREAD, PAYLOAD_SPREAD, STATED_SPREAD
+    from sim.investigation.report.wording import telling_apart
+
     context = {
         "style": style_sheet(),
         "document": document,
         "axis": axis,
-        "files": files,
+        "files": list(files),
         "parts": parts,
         "box_of": lambda one, of: box_shown(one, box_of(one, of) if of else box_of_robot(one)),
         "headline": investigation_headline,
@@ -140,3 +144,54 @@ def _markers(markers: Sequence[Document]) -> Iterator[Marker]:
     for marker in markers:
         yield Marker(marker["x"], "" if marker["text"] in named else marker["text"])
         named.add(marker["text"])
+
+
+def joints_of(document: Document) -> list[dict[str, Any]]:
+    """Return the joints of a document, in the log's order: what was found, its values without its name, its torques.
+
+    `findings`: each with the chart that shows it, where one was kept, and its place among the charts of causes.
+    """
+    return [_joint(document, joint) for joint in document["joints"]]
+
+
+def of_robot(document: Document) -> list[Document]:
+    """Return the values of the description that belong to no joint, such as the payload's."""
+    names = [joint["name"] for joint in document["joints"]]
+    return [one for one in document["parameters"] if not any(one["name"].startswith(f"{name}.") for name in names)]
+
+
+def _says(verdict: str, findings: Sequence[Document]) -> str:
+    """Say in a few words what a joint has.
+
+    >>> _says("named", [{"mechanism": "viscous_friction", "probability": 0.95}])
+    'viscous friction'
+    """
+    likely = [named(str(one["mechanism"])) for one in findings if one["probability"] >= SAID]
+    return ", ".join(dict.fromkeys(likely)) if verdict == "named" and likely else SAYS[verdict]
+
+
+def _joint(document: Document, joint: Document) -> dict[str, Any]:
+    name = joint["name"]
+    parameters = [
+        {**one, "name": one["name"].removeprefix(f"{name}.")}
+        for one in document["parameters"]
+        if one["name"].startswith(f"{name}.")
+    ]
+    shown = causes_of(document)
+    findings = [
+        (f, *shown.get(k, (None, 0)))
+        for k, f in enumerate(document["findings"])
+        if f["location"] == name or str(f["location"]).startswith(f"{name}/")
+    ]
+    return {
+        "name": name,
+        "verdict": joint["verdict"],
+        "says": _says(joint["verdict"], [f for f, _, _ in findings]),
+        "unit": joint.get("unit", "N m"),
+        "torque": joint.get("torque_rms_nm", {}),
+        "findings": findings,
+        "unexplained": joint.get("unexplained"),
+        "parameters": parameters,
+        "gain": [one for one in document["gain"] if one.get("joint") == name],
+        "remarks": joint.get("remarks", ()),
+    }

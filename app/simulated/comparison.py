@@ -12,11 +12,11 @@ is about 0 where nothing differs; p-value by permuting whole gearboxes, for reco
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -258,24 +258,37 @@ def compare(
     duration_s = min(
         LONGEST_S, float(np.median([h.samples.size for half in halves for h in half.recordings])) / SAMPLE_RATE_HZ
     )
-    draws = Draws(tuple(plan(axis, {label: count}, seed, duration_s=duration_s)), seed, processes)
+    planned = plan(axis, {label: count}, seed, duration_s=duration_s)
+
+    def simulated(*changes: Change) -> Floats:
+        """Features of the draws with these changes, each time with the same chance, shape (draws, features)."""
+        randoms = [np.random.default_rng([seed, number]) for number in range(len(planned))]
+        changed = planned
+        for change in changes:
+            changed = [change(each, random) for each, random in zip(changed, randoms, strict=True)]
+        return np.array(list(in_parallel(vector_of, changed, processes, 1)), dtype=np.float64)
+
     advance("taking features of the measured recordings")
     measured = [np.array([_heard_vector(axis, heard) for heard in half.recordings]) for half in halves]
     advance("simulating as drawn")
-    base = draws.simulated([])
+    base = simulated()
     space = Space.of(np.concatenate(measured), base)
-    found: dict[str, list[Nearest]] = {}
+    found: dict[str, tuple[Nearest, Nearest]] = {}
     for cause in tried:
         advance(f"simulating with another {cause}")
-        found[cause] = _nearest(cause, halves, measured, space, draws)
-    extensions = [_extension(cause, nearest, space, measured, base) for cause, nearest in found.items()]
-    families = _families(space, measured, groups, base, {cause: _vectors(nearest) for cause, nearest in found.items()})
+        found[cause] = _nearest(cause, halves, measured, space, simulated)
+    vectors = {cause: [each.vectors for each in nearest] for cause, nearest in found.items()}
+    extensions = [
+        Extension(cause, _gain(space, measured, base, vectors[cause]), (one.taken, other.taken))
+        for cause, (one, other) in found.items()
+    ]
+    families = _families(space, measured, groups, base, vectors)
     mending = {family.cause for family in families} | {each.cause for each in extensions if each.gain.helps}
     helping = [cause for cause in tried if cause in mending]
     together = next((each.gain for each in extensions if [each.cause] == helping), None)
     if len(helping) > 1:
         advance("simulating with all that helps")
-        both = [draws.simulated([found[cause][number].change for cause in helping]) for number in (0, 1)]
+        both = [simulated(*(found[cause][half].change for cause in helping)) for half in (0, 1)]
         together = _gain(space, measured, base, both)
     everything = np.concatenate(measured)
     distance, p_value = space.test(everything, groups, base)
@@ -316,25 +329,7 @@ def _halves(
     return halves, [name for fold in folds for name in fold for _ in recordings[name]]
 
 
-@dataclass(frozen=True)
-class Draws:
-    """Simulated recordings as they were drawn, to be simulated again with changes, each time with the same chance."""
-
-    planned: tuple[Planned, ...]
-    seed: int
-    processes: int
-
-    def simulated(self, changes: Sequence[Change]) -> Floats:
-        """Return features of the recordings with these changes, shape (recordings, n)."""
-        randoms = [np.random.default_rng([self.seed, number]) for number in range(len(self.planned))]
-        changed = list(self.planned)
-        for change in changes:
-            changed = [change(each, random) for each, random in zip(changed, randoms, strict=True)]
-        return np.array(list(in_parallel(vector_of, changed, self.processes, 1)), dtype=np.float64)
-
-
-@dataclass(frozen=True)
-class Nearest:
+class Nearest(NamedTuple):
     """What of a cause brings the simulated nearest to a half: how it is called, the change, features with it."""
 
     taken: str
@@ -343,32 +338,23 @@ class Nearest:
 
 
 def _nearest(
-    cause: str, halves: Sequence[Half], measured: Sequence[Floats], space: Space, draws: Draws
-) -> list[Nearest]:
+    cause: str,
+    halves: Sequence[Half],
+    measured: Sequence[Floats],
+    space: Space,
+    simulated: Callable[[Change], Floats],
+) -> tuple[Nearest, Nearest]:
     """For each half."""
-    common: dict[str, Floats] = {}  # a factor is the same change in both halves
+    common: dict[str, Nearest] = {}  # a factor is the same change in both halves
     best = []
     for half, own in zip(halves, measured, strict=True):
-        options: list[tuple[float, Nearest]] = []
+        options = []
         for taken, change in _changes(cause, half).items():
-            vectors = common.get(taken)
-            vectors = draws.simulated([change]) if vectors is None else vectors
-            if taken.startswith("times"):
-                common[taken] = vectors
-            options.append((space.distance(own, vectors), Nearest(taken, change, vectors)))
-        best.append(min(options, key=lambda option: option[0])[1])
-    return best
-
-
-def _vectors(nearest: Sequence[Nearest]) -> list[Floats]:
-    return [each.vectors for each in nearest]
-
-
-def _extension(
-    cause: str, nearest: Sequence[Nearest], space: Space, measured: Sequence[Floats], base: Floats
-) -> Extension:
-    first, second = nearest
-    return Extension(cause, _gain(space, measured, base, _vectors(nearest)), (first.taken, second.taken))
+            option = common[taken] if taken in common else Nearest(taken, change, simulated(change))
+            common |= {taken: option} if taken.startswith("times") else {}
+            options.append(option)
+        best.append(min(options, key=lambda option: space.distance(own, option.vectors)))
+    return best[0], best[1]
 
 
 def _tried(label: str, halves: Sequence[Half], asked: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
@@ -425,18 +411,18 @@ def _families(
 ) -> tuple[FamilyGap, ...]:
     everything = np.concatenate(measured)
     tests = {family: space.test(everything, groups, base, family) for family in space.families}
-    holm = _holm({family: p_value for family, (_, p_value) in tests.items()})
+    p_values = dict(zip(tests, holm(np.array([p_value for _, p_value in tests.values()])).tolist(), strict=True))
     out = []
     for family, (distance, _) in tests.items():
         gains = {cause: _gain(space, measured, base, vectors, family) for cause, vectors in found.items()}
         helping = {cause: gain.mean for cause, gain in gains.items() if gain.helps}
-        cause = max(helping, key=lambda name: helping[name]) if helping and holm[family] < 0.05 else None
+        cause = max(helping, key=lambda name: helping[name]) if helping and p_values[family] < 0.05 else None
         out.append(
             FamilyGap(
                 family,
                 int(space.columns(family).sum()),
                 distance,
-                holm[family],
+                p_values[family],
                 space.farthest(everything, base, family),
                 cause,
                 None if cause is None else helping[cause],
@@ -445,11 +431,15 @@ def _families(
     return tuple(sorted(out, key=lambda each: (each.p_value, -each.distance)))
 
 
-def _holm(p_values: Mapping[str, float]) -> dict[str, float]:
-    """Adjusted for how many are asked."""
-    ordered = sorted(p_values, key=lambda name: p_values[name])
-    raised = [p_values[name] * (len(ordered) - number) for number, name in enumerate(ordered)]
-    return {name: min(1.0, value) for name, value in zip(ordered, itertools.accumulate(raised, max), strict=True)}
+def holm(p_values: Floats) -> Floats:
+    """P-values adjusted for how many are asked (Holm 1979), shape (n,).
+
+    >>> holm(np.array([0.04, 0.01, 0.9]))
+    array([0.08, 0.03, 0.9 ])
+    """
+    order = np.argsort(p_values)
+    raised = np.maximum.accumulate(p_values[order] * np.arange(order.size, 0, -1))
+    return np.asarray(np.minimum(raised, 1.0)[np.argsort(order)])
 
 
 @dataclass(frozen=True, eq=False)

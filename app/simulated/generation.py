@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
+from itertools import islice
 from multiprocessing import get_context, parent_process
 from threading import Thread
 from typing import TypeVar
@@ -93,20 +94,9 @@ class Campaign:
 
     def to_document(self) -> dict[str, Json]:
         """As JSON, for a job."""
-        document: dict[str, Json] = json.loads(
-            json.dumps(
-                {
-                    "axis": self.axis.to_mapping(),
-                    "counts": dict(self.counts),
-                    "seed": self.seed,
-                    "duration_s": self.duration_s,
-                    "microphones": [asdict(each) for each in self.microphones],
-                    "sound_version": self.sound_version,
-                    "payload_kg_m2": self.payload_kg_m2,
-                    "speed_rad_s": self.speed_rad_s,
-                }
-            )
-        )
+        microphones = [asdict(each) for each in self.microphones]
+        parts = {**vars(self), "axis": self.axis.to_mapping(), "counts": dict(self.counts), "microphones": microphones}
+        document: dict[str, Json] = json.loads(json.dumps(parts))
         return document
 
     @classmethod
@@ -248,7 +238,8 @@ def generate(
     wanted = missing(library, planned)
     advance(len(planned) - len(wanted))
     size = max(1, round(SECONDS_PER_TASK / campaign.duration_s / 4))
-    for group in _grouped(in_parallel(simulate_case, wanted, processes, size), size):
+    generated = in_parallel(simulate_case, wanted, processes, size)
+    while group := list(islice(generated, size)):
         retain(library, group, batch)
         advance(len(group))
     quarantine_far(library, ACTOR)
@@ -338,17 +329,6 @@ def _retained(library: CaseLibrary, planned: Sequence[Planned]) -> Outcome:
             continue  # another worker kept some of them first: look again
         return Outcome(len(wanted), len(planned) - len(wanted), took)
     return Outcome(0, len(planned), took)
-
-
-def _grouped(results: Iterator[Generated], size: int) -> Iterator[list[Generated]]:
-    group: list[Generated] = []
-    for result in results:
-        group.append(result)
-        if len(group) == size:
-            yield group
-            group = []
-    if group:
-        yield group
 
 
 def wav(sound: NDArray[np.float32]) -> bytes:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from sim.rotational.trajectory import Event
 
 SOUND_RATE_HZ = 8000
+DECIMALS = 9
 
 
 def write_table(columns: Mapping[str, NDArray[np.float64]], path: Path) -> None:
@@ -36,13 +37,8 @@ def write_telemetry(telemetry: Telemetry, path: Path) -> None:
 
     Parquet where the name ends so, else CSV.
     """
-    from signals.reading.decimal_text import DECIMALS, write_decimals
-
     columns = {"time_s": telemetry.time_s, **telemetry.channels}
-    if path.suffix == ".parquet":
-        write_table({name: np.round(values, DECIMALS) for name, values in columns.items()}, path)
-    else:
-        write_decimals(columns, path)
+    write_table({name: np.round(values, DECIMALS) + 0.0 for name, values in columns.items()}, path)  # no -0
 
 
 def write_events(events: Iterable[Event], path: Path) -> None:

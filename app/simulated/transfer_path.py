@@ -11,6 +11,7 @@ from scipy.spatial.distance import cdist
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from app.simulated.comparison import holm
 from app.simulated.generation import condition_of, sound_kind
 from casebase.description import condition_of as stored_condition
 from casebase.library import CaseLibrary
@@ -191,15 +192,13 @@ def _unmatched(names: NDArray[np.str_], measured: Floats, simulated: Floats) -> 
     from scipy import stats  # slow to import
 
     p_values = np.array([stats.ks_2samp(a, b).pvalue for a, b in zip(measured.T, simulated.T, strict=True)])
-    order = np.argsort(p_values)
-    holm = np.minimum(np.maximum.accumulate(p_values[order] * np.arange(len(order), 0, -1)), 1.0)
+    adjusted = holm(p_values)
     spread = np.sqrt(0.5 * (measured.var(axis=0) + simulated.var(axis=0)))
-    out = []
-    for index, p_value in zip(order, holm, strict=True):
-        if p_value < LEVEL:
-            a, b = float(measured[:, index].mean()), float(simulated[:, index].mean())
-            out.append(Unmatched(str(names[index]), a, b, (b - a) / float(spread[index]), float(p_value)))
-    return tuple(sorted(out, key=lambda each: -abs(each.difference)))
+    rows = zip(names, measured.mean(axis=0), simulated.mean(axis=0), spread, adjusted, strict=True)
+    found = [
+        Unmatched(str(name), float(a), float(b), float((b - a) / s), float(p)) for name, a, b, s, p in rows if p < LEVEL
+    ]
+    return tuple(sorted(found, key=lambda each: -abs(each.difference)))
 
 
 def keep(session: Session, place: FittedPlace) -> Artifact:

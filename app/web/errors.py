@@ -9,7 +9,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.report.formatting import sentence
 from app.service import service_of
-from app.web.templating import render
+from app.web.page import render
 
 
 class PageErrors:

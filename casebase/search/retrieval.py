@@ -1,78 +1,89 @@
-"""Retrieve: exact search over coded cases in memory, compiled; the rows of the database are the truth."""
+"""Retrieve: exact search over weighted cases in memory, compiled; the rows of the database are the truth."""
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from casebase.reasoning.novelty import spread_out
 from casebase.search.case_table import CaseTable, Mask
-from casebase.search.similarity import LIMIT, Floats, Metric, pooled_scales
+from casebase.search.similarity import Floats, Metric, pooled_scales
 
-LARGEST_CODE = 32000
-"""Differences of codes fit 16 bits."""
-LARGEST_DISTANCE = 46340
-"""The square of a coded distance fits 32 bits."""
-LANES = 16
-VIEWS_KEPT = 4
 ENOUGH_FOR_SCALES = 20_000
 """The median of so many cases lies within a hundredth of the spread (1.25 over the root of their number) [1]."""
-AT_ONCE = 16
-"""Queries that go through the cases together; each takes four bytes a case meanwhile."""
-
+BLOCK = 1 << 14
+"""Cases that are weighted together: in float64 they take no more memory than that."""
 
 Kinship = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Numbers of what cases share with each other, shape (cases,), and those of queries, shape (queries,)."""
-NO_KIN = np.empty((0, 0), np.int32)
+Found = tuple[NDArray[np.int64], Floats]
+"""Rows, nearest first, shape (queries, groups, k), -1 where a group has fewer; distances, infinite there."""
 
 
 @functools.cache
-def kernel() -> ModuleType:
-    """Return the compiled functions; the first call imports numba."""
-    from casebase.search import search_kernel
+def compiled() -> Callable[..., Found]:
+    """Return `nearest` compiled; the first call imports numba."""
+    from numba import njit
 
-    return search_kernel
+    function: Callable[..., Found] = njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc"})(nearest)
+    return function
 
 
-@dataclass(frozen=True, eq=False)
-class _View:
-    """The cases as a query with certain features sees them; see `search_kernel.nearest` for the arrays.
+def nearest(points: Any, weights: Any, queries: Any, groups: Any, count: int, k: int, kin: Any, own: Any) -> Found:
+    """Return rows and squared distances, not yet over the weights that a query has, of the k nearest of every group.
+
+    Equal ones stand by row.
 
     Args:
-        factor: what brings the weights of these features to sum 1 in a squared distance.
+        points: cases over their scale times the roots of the weights, shape (cases, n), float32, NaN where missing.
+        weights: of the features, shape (n,).
+        queries: as the points, shape (queries, n), float64.
+        groups: number of the group of every case, below 0 if it may not be found, shape (cases,), int16.
+        count: how many groups there are.
+        k: how many of each are wanted, at least 1.
+        kin: numbers of what a case shares with others (gearbox, sound), shape (kinds, cases).
+        own: those of the queries, shape (kinds, queries): a query does not find its kin.
     """
-
-    present: Mask
-    extra: Floats
-    scaling: Floats
-    factor: float
-
-
-class _Query:
-    """Features asked for, shape (n,), and the cases as they see them."""
-
-    def __init__(self, values: Floats, view: _View, metric: Metric) -> None:
-        self.values, self.view, self.metric = values, view, metric
-
-    @functools.cached_property
-    def point(self) -> NDArray[np.float32]:
-        """The query times the roots of the weights, zero where missing, shape (n,)."""
-        point = self.metric.scaled(self.values) * self.view.scaling[2]
-        return np.where(self.view.present, point, 0.0).astype(np.float32)
+    rows = np.full((len(queries), count, k), -1, np.int64)
+    best = np.full((len(queries), count, k), np.inf)
+    present = (~np.isnan(queries)).astype(np.float64)
+    known = np.where(np.isnan(queries), 0.0, queries)
+    for q in range(len(queries)):
+        for row in range(len(points)):
+            group = groups[row]
+            related = group < 0
+            for kind in range(len(kin)):
+                related |= kin[kind, row] == own[kind, q]
+            if related:
+                continue
+            total = 0.0
+            for j in range(points.shape[1]):
+                here, point = known[q, j], np.float64(points[row, j])
+                apart = here * here + weights[j] if np.isnan(point) else (point - here) ** 2
+                total += present[q, j] * apart
+            place = k
+            while place > 0 and best[q, group, place - 1] > total:
+                if place < k:
+                    best[q, group, place], rows[q, group, place] = best[q, group, place - 1], rows[q, group, place - 1]
+                place -= 1
+            if place < k:
+                best[q, group, place], rows[q, group, place] = total, row
+    return rows, best
 
 
 class Match:
     """A case found, and why it is near: the contributions add up to the distance.
 
     Args:
-        distance: from the query.
+        query: what was asked for, weighted, shape (n,).
         row: of the case in the table.
+        distance: from the query.
     """
 
-    def __init__(self, matrix: "CaseMatrix", query: _Query, row: int, distance: float) -> None:
+    def __init__(self, matrix: "CaseMatrix", query: Floats, row: int, distance: float) -> None:
         self._matrix, self._query = matrix, query
         self.row, self.distance = row, distance
 
@@ -103,12 +114,13 @@ class NearestByClass:
     """The nearest cases of every class to one query.
 
     Args:
+        query: weighted, shape (n,).
         rows: nearest first, shape (classes, k), -1 where a class has fewer.
         distances: shape (classes, k), infinite there.
     """
 
     matrix: "CaseMatrix"
-    query: _Query
+    query: Floats
     rows: NDArray[np.int64]
     distances: Floats
 
@@ -149,15 +161,9 @@ class CaseMatrix:
 
     def __init__(self, table: CaseTable, metric: Metric) -> None:
         self.table, self.metric = table, metric
-        self._values = np.ascontiguousarray(table.values, np.float32)
-        count, size = table.values.shape
-        self._scaling = np.stack([metric.center, metric.scale, np.sqrt(metric.weights), np.full(size, LIMIT)])
-        largest = float(self._scaling[2].max(initial=0.0))
-        self.step = (2 * LIMIT + 0.5) * max(largest / LARGEST_CODE, 1 / LARGEST_DISTANCE)
-        self._codes = np.zeros((count, -(-size // LANES) * LANES), np.int16)
-        self.reach = kernel().code(self._values, self._scaling, self.step, self._codes) + self.step
-        self._all = np.zeros(count, np.int16)
-        self._views: dict[bytes, _View] = {}
+        self._points = np.empty(table.values.shape, np.float32)
+        for first in range(0, len(table), BLOCK):
+            self._points[first : first + BLOCK] = self._weighted(table.values[first : first + BLOCK])
 
     def search(self, query: NDArray[np.floating], k: int, *, where: Mask | None = None) -> tuple[Match, ...]:
         """Return the k nearest cases, nearest first, equal ones by id.
@@ -167,117 +173,57 @@ class CaseMatrix:
             k: how many at most.
             where: shape (cases,), the cases that may be found; all by default.
         """
-        asked = self._asked(query)
-        rows, distances = self._found(asked, k, where)
-        pairs = zip(rows.tolist(), distances.tolist(), strict=True)
-        return tuple([Match(self, asked, row, distance) for row, distance in pairs])
-
-    def nearest_rows(
-        self, query: NDArray[np.floating], k: int, *, where: Mask | None = None
-    ) -> tuple[NDArray[np.int64], Floats]:
-        """Return the rows of the k nearest cases and their distances, without saying why; else as `search`."""
-        return self._found(self._asked(query), k, where)
+        groups = np.where(True if where is None else where, 0, -1) + np.zeros(len(self.table), np.int16)
+        return self._by_group(query, groups, 1, k).overall(k)
 
     def nearest_by_class(self, query: NDArray[np.floating], k: int, *, where: Mask | None = None) -> NearestByClass:
         """Return the k nearest cases of every class; else as `search`."""
-        groups = self.table.class_numbers
-        if where is not None:
-            groups = np.where(where, groups, np.int16(-1))
-        asked, k = self._asked(query), min(k, max(1, len(self.table)))
-        rows, distances = self._nearest(asked.values[None], groups, len(self.table.classes), k)
-        return NearestByClass(self, asked, rows[0], distances[0])
+        groups = np.where(True if where is None else where, self.table.class_numbers, -1)
+        return self._by_group(query, groups, len(self.table.classes), k)
 
     def nearest_strangers(
         self, queries: NDArray[np.floating], groups: NDArray[np.int16], count: int, k: int, kin: Sequence[Kinship]
-    ) -> tuple[NDArray[np.int64], Floats]:
+    ) -> Found:
         """Return for every query the k nearest cases of every group that share nothing with it.
 
-        Costs as many passes over the codes as there are queries, several queries at a time.
+        Costs as many passes over the cases as there are queries.
 
         Args:
             queries: features, shape (queries, n), NaN where missing.
             groups: number of the group of every case, below 0 if it may not be found, shape (cases,).
             count: how many groups there are.
             kin: numbers of what cases share (gearbox, sound), shape (cases,), with those of the queries.
-
-        Returns:
-            Rows, nearest first, shape (queries, count, k), -1 where a group has fewer; distances, infinite there.
         """
-        points: Floats = np.asarray(queries, np.float64)
-        rows = np.full((len(points), count, k), -1, np.int64)
-        distances = np.full(rows.shape, np.inf)
         shared, own = (np.array([pair[side] for pair in kin], np.int32) for side in (0, 1))
-        masks, kind = np.unique(np.isfinite(points), axis=0, return_inverse=True)
-        for number in range(len(masks)):
-            alike = np.flatnonzero(kind.ravel() == number)
-            for start in range(0, alike.size, AT_ONCE):
-                these = alike[start : start + AT_ONCE]
-                found = self._nearest(points[these], groups, count, k, shared, np.ascontiguousarray(own[:, these]))
-                rows[these], distances[these] = found
-        return rows, distances
+        return self._nearest(self._weighted(queries), groups, count, k, shared, own)
 
-    def shares(self, asked: _Query, row: int, distance: float) -> Floats:
-        """Return what every feature adds to the distance of a case, shape (n,)."""
-        scaled = self.metric.scaled(self.table.values[row])
-        missing = np.isnan(scaled)
-        case = np.where(missing, 0.0, scaled * self._scaling[2]).astype(np.float32)
-        parts = (case - asked.point.astype(np.float64)) ** 2 + missing * self.metric.weights
-        return np.asarray(parts * asked.view.present * (asked.view.factor / distance if distance > 0 else 0.0))
+    def shares(self, query: Floats, row: int, distance: float) -> Floats:
+        """Return what every feature adds to the distance of a case from a weighted query, shape (n,)."""
+        point = self._points[row].astype(np.float64)
+        parts = np.where(np.isnan(point), query**2 + self.metric.weights, (point - query) ** 2)
+        factor = self._factors(query) / distance if distance > 0 else 0.0
+        return np.asarray(np.where(np.isnan(query), 0.0, parts) * factor)
 
-    def _found(self, asked: _Query, k: int, where: Mask | None) -> tuple[NDArray[np.int64], Floats]:
-        groups = self._all if where is None else where.astype(np.int16) - np.int16(1)
-        rows, distances = self._nearest(asked.values[None], groups, 1, max(1, min(k, len(self.table))))
-        found = rows[0, 0, rows[0, 0] >= 0]
-        return found, distances[0, 0, : found.size]
+    def _weighted(self, values: NDArray[np.floating]) -> Floats:
+        """Return features over their scale times the roots of their weights, shape (..., n), rounded to float32."""
+        points = self.metric.scaled(values) * np.sqrt(self.metric.weights)
+        return np.asarray(points.astype(np.float32), np.float64)
+
+    def _factors(self, queries: Floats) -> Floats:
+        """Return what brings the weights of the features that each query has to sum 1; 0 where it has none."""
+        total = np.where(np.isnan(queries), 0.0, self.metric.weights).sum(axis=-1)
+        return np.asarray(np.divide(1.0, total, out=np.zeros_like(total), where=total > 0), np.float64)
+
+    def _by_group(self, query: NDArray[np.floating], groups: NDArray[Any], count: int, k: int) -> NearestByClass:
+        asked = self._weighted(query)
+        none = np.empty((0, 0), np.int32)
+        k = max(1, min(k, len(self.table)))
+        rows, distances = self._nearest(asked[None], groups, count, k, none, none)
+        return NearestByClass(self, asked, rows[0], distances[0])
 
     def _nearest(
-        self,
-        queries: Floats,
-        groups: NDArray[np.int16],
-        count: int,
-        k: int,
-        kin: NDArray[np.int32] = NO_KIN,
-        own: NDArray[np.int32] = NO_KIN,
-    ) -> tuple[NDArray[np.int64], Floats]:
-        """Return rows and distances of the nearest of every group to queries that have the same features."""
-        view = self._view(queries[0])
-        rows, distances = kernel().nearest(
-            self._codes,
-            self._values,
-            view.extra,
-            view.scaling,
-            queries,
-            groups,
-            count,
-            k,
-            self.step,
-            self.reach,
-            view.factor,
-            kin,
-            own,
-        )
-        return rows, distances
-
-    def _asked(self, query: NDArray[np.floating]) -> _Query:
-        values = np.array(query, dtype=np.float64)
-        return _Query(values, self._view(values), self.metric)
-
-    def _view(self, query: Floats) -> _View:
-        present = np.isfinite(query)
-        key = present.tobytes()
-        view = self._views.get(key)
-        if view is None:
-            view = self._made_view(present)
-            if len(self._views) >= VIEWS_KEPT:
-                self._views.clear()
-            self._views[key] = view
-        return view
-
-    def _made_view(self, present: Mask) -> _View:
-        weights = np.where(present, self.metric.weights, 0.0)
-        extra = np.empty(len(self.table))
-        kernel().missing_weight(self._values, weights, extra)
-        scaling = self._scaling.copy()
-        scaling[2, ~present] = 0.0
-        total = float(weights.sum())
-        return _View(present, extra, scaling, 1 / total if total > 0 else 0.0)
+        self, asked: Floats, groups: NDArray[Any], count: int, k: int, kin: NDArray[Any], own: NDArray[Any]
+    ) -> Found:
+        groups = np.ascontiguousarray(groups, np.int16)
+        rows, squares = compiled()(self._points, self.metric.weights, asked, groups, count, k, kin, own)
+        return rows, np.sqrt(squares * self._factors(asked)[:, None, None])

@@ -5,6 +5,7 @@ from fastapi.staticfiles import StaticFiles
 
 from app.report.formatting import STATIC
 from app.web.errors import sign_in_first
+from app.web.page import SignInNeeded
 from app.web.pages import (
     admin,
     alarms,
@@ -21,7 +22,6 @@ from app.web.pages import (
     session,
     simulate,
 )
-from app.web.session import SignInNeeded
 
 PAGES: tuple[APIRouter, ...] = (
     session.router,

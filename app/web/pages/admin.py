@@ -13,8 +13,7 @@ from app.http import keys
 from app.http.errors import Unprocessable, validation_problem
 from app.http.keys import Role
 from app.service import Reading, TheJobs, TheService
-from app.web.session import FromOurPage, PageAdmin, PageOperator
-from app.web.templating import lead, render
+from app.web.page import FromOurPage, PageAdmin, PageOperator, lead, render
 from casebase.store import audit
 
 router = APIRouter()

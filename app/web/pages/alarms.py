@@ -12,8 +12,7 @@ from app.api.alarms import ReceiverRequest, RuleRequest
 from app.http.errors import Unprocessable, validation_problem
 from app.report.words import VERDICTS
 from app.service import Reading, Service, TheService
-from app.web.session import FromOurPage, PageAdmin
-from app.web.templating import lead, render
+from app.web.page import FromOurPage, PageAdmin, lead, render
 from casebase.alarms import outbox, rules
 
 router = APIRouter(prefix="/alarms")

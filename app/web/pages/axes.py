@@ -15,9 +15,8 @@ from app.http.errors import Unprocessable
 from app.report.standing_words import state_badge, why
 from app.service import Reading, Service, TheService
 from app.web.headlines import newest
+from app.web.page import FromOurPage, PageOperator, PageViewer, lead, render
 from app.web.pages.fleet import silent_after
-from app.web.session import FromOurPage, PageOperator, PageViewer
-from app.web.templating import lead, render
 from casebase.alarms import rules
 from casebase.axes import get_axis, is_axis, list_axes, unknown_axis
 from casebase.description import check_choice, check_name

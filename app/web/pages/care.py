@@ -20,8 +20,7 @@ from app.report.words import name_of
 from app.service import Reading, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
 from app.web.counted import of_library
-from app.web.session import FromOurPage, PageAdmin, PageViewer
-from app.web.templating import Message, lead, render, waiting_page
+from app.web.page import FromOurPage, Message, PageAdmin, PageViewer, lead, render, waiting_page
 from casebase import review as care
 from casebase.axes import get_axis, list_axes
 from casebase.errors import NotFoundError

@@ -13,8 +13,7 @@ from app.axes.axis_units import in_si, units_of
 from app.http.errors import Unprocessable
 from app.http.security import Principal
 from app.service import Reading, Service, TheService
-from app.web.session import FromOurPage, PageAdmin
-from app.web.templating import Message, lead, render
+from app.web.page import FromOurPage, Message, PageAdmin, lead, render
 from casebase.axes import add_axis, find_axis, get_axis
 from sim.description.axis_document import read_axis
 from sim.errors import AxisError, ParameterError

@@ -22,10 +22,20 @@ from app.report.words import VERDICTS, how_sure, investigation_headline, verdict
 from app.service import Reading, Service, TheService
 from app.web.counted import counts_of
 from app.web.labels import VERIFICATIONS, LabelQuestion, Verified, choices, chosen
+from app.web.page import (
+    FromOurPage,
+    Message,
+    PageAdmin,
+    PageOperator,
+    PageViewer,
+    SignInNeeded,
+    Visitor,
+    below_root,
+    lead,
+    render,
+)
 from app.web.pages.queue import ask, number_of, reason_words
 from app.web.pages.recordings import demo_ids
-from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer, SignInNeeded, Visitor, below_root
-from app.web.templating import Message, lead, render
 from casebase.axes import find_axis
 from casebase.cycle.retain import is_undone
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis

@@ -24,12 +24,11 @@ from app.simulated.generation import KIND as GENERATION
 from app.web.counted import counted, counts_of
 from app.web.first_hour import Hour, axis_cases, known_of_axis, obstacles
 from app.web.labels import VERIFICATIONS, LabelQuestion, choices, chosen
+from app.web.page import FromOurPage, Message, PageAdmin, PageOperator, PageViewer, lead, render
 from app.web.pages.axes import check_known
 from app.web.pages.care import MOST_AT_ONCE
 from app.web.pages.diagnoses import NUMBERS, may_keep, said_how, told
 from app.web.pages.queue import number_of
-from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
-from app.web.templating import Message, lead, render
 from casebase.axes import find_axis, list_axes
 from casebase.diagnoses import revise_diagnosis
 from casebase.origins import MEASURED, SIMULATED

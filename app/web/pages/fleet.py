@@ -17,8 +17,7 @@ from app.report.words import VERDICTS, in_short, is_compared, sure_of
 from app.service import Reading, Service, TheService
 from app.web.first_hour import axis_cases, known_of_axis
 from app.web.headlines import Headlined, newest
-from app.web.session import PageViewer
-from app.web.templating import render, waiting_page
+from app.web.page import PageViewer, render, waiting_page
 from casebase.axes import is_axis, unknown_axis
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import Reason, Standing, State, standing

@@ -6,13 +6,13 @@ from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request
-from fastapi.responses import JSONResponse, RedirectResponse, Response
+from fastapi.responses import JSONResponse, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.api.investigations import asked_of, axis_of
 from app.api.recordings import UNCHANGING
-from app.http.errors import Unprocessable
+from app.http.errors import NotFound, Unprocessable
 from app.http.security import Principal, check_csrf
 from app.http.uploads import TheUpload, Upload
 from app.investigations import (
@@ -27,16 +27,13 @@ from app.investigations import (
     submit,
 )
 from app.report.formatting import ENVIRONMENT, instant, style_sheet
-from app.report.investigation_report import Part, Shown, box_shown, panels_of
+from app.report.investigation_report import Part, Shown, box_shown, joints_of, of_robot, panels_of
 from app.report.self_contained import self_contained
 from app.report.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
 from app.service import Reading, TheJobs, TheService
 from app.web.headlines import Headlined, headlined, light
 from app.web.log_preview import log_preview, sound_preview
-from app.web.robot import joints_of, of_robot
-from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
-from app.web.story import panel_of
-from app.web.templating import render
+from app.web.page import FromOurPage, PageAdmin, PageOperator, PageViewer, lead, render
 from casebase.axes import list_axes
 from casebase.diagnoses import get_diagnosis
 from casebase.store import revisions
@@ -105,7 +102,7 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
         row = submit(session, question)
         identity = row.id
         jobs.order(session, KIND, {"investigation_id": identity}, job_id=identity, submitted_by=principal.actor)
-    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/jobs/{identity}", status_code=303)
+    return lead(service, f"/jobs/{identity}")
 
 
 @router.post("/columns")
@@ -271,7 +268,10 @@ def compare(
 def panel(session: Reading, _: PageViewer, investigation_id: str, part: Part, number: int) -> Response:
     """Numbers of one panel, for the interactive drawing."""
     document = document_of(get_investigation(session, investigation_id))
-    return JSONResponse(panel_of(document, part, number).document(), headers=UNCHANGING)
+    panels = panels_of(document, part)
+    if not 0 <= number < len(panels):
+        raise NotFound(f"This investigation has {len(panels)} panels of its {part}.")
+    return JSONResponse(panels[number].document(), headers=UNCHANGING)
 
 
 @router.get("/{investigation_id}/report.html")
@@ -308,4 +308,4 @@ def take_over(service: TheService, principal: PageAdmin, investigation_id: str) 
     with service.library.transaction(principal.actor) as session:
         row = accept(service.library, session, get_investigation(session, investigation_id))
         place = f"{row.__tablename__}/{quote(row.name, safe='')}"
-    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/{place}", status_code=303)
+    return lead(service, f"/{place}")

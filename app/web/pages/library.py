@@ -23,10 +23,9 @@ from app.service import Reading, Service, TheService
 from app.web.counted import counted, counts_of, of_library
 from app.web.labels import VERIFICATIONS, LabelQuestion, choices, damage_of
 from app.web.labels import chosen as chosen_label
+from app.web.page import FromOurPage, Message, PageAdmin, PageViewer, lead, render, waiting_page
 from app.web.pages.diagnoses import number, said_how, told
 from app.web.pages.queue import ask, number_of
-from app.web.session import FromOurPage, PageAdmin, PageViewer
-from app.web.templating import Message, lead, render, waiting_page
 from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.origins import MEASURED
 from casebase.reasoning.evaluation import Evaluation

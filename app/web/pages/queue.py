@@ -14,8 +14,7 @@ from app.report.steps import told
 from app.report.words import how_sure, is_compared, name_of, names_fault, verdict_of
 from app.service import Reading, TheService
 from app.web.labels import LabelQuestion
-from app.web.session import FromOurPage, PageOperator, PageViewer
-from app.web.templating import lead, render
+from app.web.page import FromOurPage, PageOperator, PageViewer, lead, render
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import NamedFault
 from casebase.queue import FAULT, UNDECIDED, UNKNOWN, proposed, waiting

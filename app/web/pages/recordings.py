@@ -16,8 +16,7 @@ from app.recordings.intake import DEMO
 from app.report import charts
 from app.report.recorded import PlotName, chart_of, spectrogram_png
 from app.service import Reading, TheService
-from app.web.session import FromOurPage, PageAdmin, SignInNeeded, Visitor, below_root
-from app.web.templating import lead, root_of
+from app.web.page import FromOurPage, PageAdmin, SignInNeeded, Visitor, below_root, lead, root_of
 from casebase.errors import NotFoundError
 from casebase.store import erasing
 from casebase.store.artifacts import active_artifact

@@ -9,8 +9,7 @@ from fastapi.responses import Response
 from app.http.errors import Forbidden, NotAuthenticated
 from app.http.security import COOKIE, FORM_COOKIE, Principal, check_csrf, client_of, csrf_token, principal_of
 from app.service import service_of
-from app.web.session import FromOurPage, PageViewer, Visitor
-from app.web.templating import Message, lead, render, root_of
+from app.web.page import FromOurPage, Message, PageViewer, Visitor, lead, render, root_of
 from casebase.store import audit
 
 router = APIRouter()

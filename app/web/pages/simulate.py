@@ -20,9 +20,8 @@ from app.report.svg import Series
 from app.report.words import certainty, verdict_of
 from app.service import Service, TheService
 from app.simulated.generation import wav
-from app.web.session import PageViewer
+from app.web.page import PageViewer, render
 from app.web.simulator import Line, Run, Slider, moved, simulate, sliders
-from app.web.templating import render
 from casebase.axes import find_axis, get_axis, list_axes
 from casebase.diagnoses import provenance
 from signals.crest import peak, root_mean_square
