@@ -26,7 +26,7 @@ STEADY, COMPANY_HZ = 0.8, 3.0  # share of a steady line in what stands over the 
 LEAST_S = 2.0
 LEAST_CUT = 1e-4  # of the samples: chance leaves less at an extreme
 LEAST_STANDSTILLS = 3  # heard: a sound in which nothing is heard of a motion contradicts none
-STRANGE = 0.2  # correlation; of 75 pairs that belong together the least has 0.42
+LEAST_CORRELATION = 0.2  # correlation; of 75 pairs that belong together the least has 0.42
 SLOW = 0.05  # of the usual speed: below, no axis is quieter
 SURE = 0.97  # of a fault that is counted sample by sample
 
@@ -148,7 +148,11 @@ def mismatch(sound: Recording, m: Measurement, offset_s: float) -> tuple[str, ..
     level = np.maximum(level[inside], np.percentile(level, 2))
     speed = np.abs(np.interp(time[inside], m.time_s, m.speed))
     moved = np.log(speed + SLOW * max(float(np.percentile(speed, 90)), 1e-9))
-    if np.ptp(moved) == 0.0 or np.ptp(level) == 0.0 or (found := float(np.corrcoef(moved, level)[0, 1])) >= STRANGE:
+    if (
+        np.ptp(moved) == 0.0
+        or np.ptp(level) == 0.0
+        or (found := float(np.corrcoef(moved, level)[0, 1])) >= LEAST_CORRELATION
+    ):
         return ()
     return (
         f"The sound does not follow the measured speed (correlation {found:.2f}, though {count} standstills are heard; "

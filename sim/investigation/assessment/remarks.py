@@ -63,11 +63,11 @@ def description_remarks(problem: Problem, fit: Fit) -> tuple[str, ...]:
     )
 
 
-def controller_law_remarks(problem: Problem, gate: DataCheck) -> tuple[str, ...]:
+def controller_law_remarks(problem: Problem, data_check: DataCheck) -> tuple[str, ...]:
     """That the torque channel's own noise was taken away, if it was."""
-    if gate.law is None or not problem.measurement.unsure.size:
+    if data_check.law is None or not problem.measurement.unsure.size:
         return ()
-    taken = float(np.std(gate.measurement.torque - problem.measurement.torque))
+    taken = float(np.std(data_check.measurement.torque - problem.measurement.torque))
     return (
         "The drive's control law, found from reference and encoder, shows the noise of the torque channel; "
         f"{taken:.2g} N m rms of noise were removed before the search.",
@@ -142,7 +142,7 @@ def standstill_remarks(problem: Problem) -> tuple[str, ...]:
 
 def contact_loss_remarks(problem: Problem) -> tuple[str, ...]:
     """In how many rows teeth rattle, if in any."""
-    lost = 1.0 - float(problem.measurement.told.mean())
+    lost = 1.0 - float(problem.measurement.predictable.mean())
     if lost == 0.0:
         return ()
     return (

@@ -1,4 +1,4 @@
-"""Noise of the torque channel, told by the law by which the drive asks for torque.
+"""Noise of the torque channel, known by the law by which the drive asks for torque.
 
 A drive makes its torque of a reference and of the motor's encoder.  Where the reference was recorded too, the record
 itself shows by which law, and what the torque channel says beyond that law is its own noise: the axis does not feel it.
@@ -109,7 +109,7 @@ def _without_lines(noise: Array, rate_hz: float) -> Array:
     return np.asarray(irfft(np.where(lines & (places > BANDS_HZ[1][0]), 0.0, spectrum), noise.size))
 
 
-def told(law: DriveLaw, m: Measurement, left: Array) -> DriveLaw | None:
+def known_noise(law: DriveLaw, m: Measurement, left: Array) -> DriveLaw | None:
     """Of `law` what is slow and what a model leaves of the torque as well, shape (n,), or None.
 
     What the drive's law misses is felt by the axis, and a model of the axis does not leave it. What is fast of the
@@ -153,7 +153,7 @@ def _follows(noise: Array, left: Array, m: Measurement, width_hz: float) -> bool
     return spread < KNOWN and abs(gain - 1.0) < FOLLOWS + 2.0 * spread
 
 
-def quiet(m: Measurement, law: DriveLaw) -> Measurement:
+def without_noise(m: Measurement, law: DriveLaw) -> Measurement:
     """`m` without that noise in its torque, but for a share of it: no form of a model is worth more."""
     share = 1.0 - LEFT
     return replace(m, torque=m.torque - share * law.noise, unsure=share * law.unsure)

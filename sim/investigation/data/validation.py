@@ -1,4 +1,4 @@
-"""The gate before any physics: can these channels be what they claim, and which rows of them count?"""
+"""The check before any physics: can these channels be what they claim, and which rows of them count?"""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ from sim.investigation.kinematics.pull_test import STEPS, PullTest, pull_test
 from sim.investigation.kinematics.transmission_error import INSIDE, Amplitude, TransmissionError, transmission_error
 from sim.investigation.report.formatting import angle, number
 from sim.investigation.report.panels import Panel
-from sim.investigation.results import SAID, Estimate, Finding, Gain
+from sim.investigation.results import REPORTED, Estimate, Finding, Gain
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms import Backlash
 from sim.mechanisms.catalogue import kind_of
@@ -222,7 +222,7 @@ def _extended(axis: Axis, findings: Sequence[Finding]) -> Axis:
     for finding in findings:
         numbers = {e.name: e.value for e in finding.parameters}
         largest = {p.name: p.high for p in kind_of(finding.mechanism).parameters}
-        if finding.location and finding.probability >= SAID and all(numbers[n] <= largest[n] for n in numbers):
+        if finding.location and finding.probability >= REPORTED and all(numbers[n] <= largest[n] for n in numbers):
             found[finding.mechanism, finding.location] = numbers
     return extended_by(axis, {}, found)
 

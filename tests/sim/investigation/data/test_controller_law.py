@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 from sim.chain.model import Array
-from sim.investigation.data.controller_law import DriveLaw, drive_law, quiet, told
+from sim.investigation.data.controller_law import DriveLaw, drive_law, known_noise, without_noise
 from sim.investigation.data.preprocessing import Measurement, gaussian_kernel, prepare
 from sim.investigation.estimation.whitening import Noise
 
@@ -76,7 +76,7 @@ def test_what_the_axis_does_not_feel_is_told_as_noise(expects_friction: bool, la
     true = slow(noise, m)
     off = law.noise - true
     assert off[100:].std() < 0.25 * true.std()
-    assert quiet(m, law).torque[100:] == pytest.approx(m.torque[100:] - 0.8 * law.noise[100:])
+    assert without_noise(m, law).torque[100:] == pytest.approx(m.torque[100:] - 0.8 * law.noise[100:])
 
 
 def test_what_the_law_may_be_wrong_by_covers_what_it_is_wrong_by() -> None:
@@ -108,7 +108,7 @@ def test_only_what_a_model_leaves_as_well_is_taken_away() -> None:
         noise = coloured(0.02)
         law, m = law_of(torque + noise, reference, angle)
         left = prepare(RATE_HZ, noise, angle, None).torque
-        assert (told(law, m, left) is not None) == known
+        assert (known_noise(law, m, left) is not None) == known
 
 
 def test_noise_that_is_also_wrong_as_a_whole_is_white_again() -> None:
