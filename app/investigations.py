@@ -19,7 +19,7 @@ from sqlalchemy.orm import Session, defer
 
 from app.jobs.job import JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs.jobs import Jobs
-from app.recordings.sound import read_sound
+from app.recordings.intake import read_sound
 from app.report.investigation_report import investigation_report
 from app.robots import add_robot
 from casebase.axes import add_axis, find_axis

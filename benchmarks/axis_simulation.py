@@ -5,7 +5,9 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from app.simulated.simulation_files import write_sound, write_telemetry
+import soundfile
+
+from app.commands.simulate import SOUND_RATE_HZ, write_telemetry
 from benchmarks import Row, best_seconds
 from sim.description.axis import Axis
 from sim.experiment.paper_axis import PAPER_AXIS
@@ -60,7 +62,9 @@ def _written(axis: Axis) -> list[Row]:
             name: partial(write_telemetry, result.telemetry, Path(folder) / name)
             for name in ("telemetry.csv", "telemetry.parquet")
         }
-        calls["sound.wav"] = partial(write_sound, result.sound, Path(folder) / "sound.wav")
+        calls["sound.wav"] = partial(
+            soundfile.write, Path(folder) / "sound.wav", result.sound, SOUND_RATE_HZ, subtype="PCM_16"
+        )
         best = best_seconds(calls, rounds=3)
     return [
         Row(f"300 s written, {name}", seconds, note=f"{10 * SECONDS / seconds:.0f} x real time (target 150)")

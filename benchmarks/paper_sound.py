@@ -40,8 +40,7 @@ from benchmarks.paper_recordings import (
 )
 from benchmarks.paper_torque import shaft_torques, trace, varied
 from signals.crest import WINDOW_S, CrestTrace, crest_trace
-from signals.filters import PAPER_CUTOFF_HZ, low_pass
-from signals.spectra import long_spectrum
+from signals.spectra import PAPER_CUTOFF_HZ, long_spectrum, low_pass
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
 from sim.experiment.paper_axis import PAPER_AXIS
 from sim.experiment.scenario import SETTLING_S, Scenario

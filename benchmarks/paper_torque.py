@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals.crest import WINDOW_S, CrestTrace, crest_trace
-from signals.filters import PAPER_CUTOFF_HZ
+from signals.spectra import PAPER_CUTOFF_HZ
 from sim import simulate
 from sim.rotational.components import ElastoBacklash, Gearbox, Inertia, Sine, Torque
 from sim.rotational.drive_train import DriveTrain

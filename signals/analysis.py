@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from signals import envelope, filters
+from signals import envelope
 from signals.band import Band
 from signals.condition import OperatingCondition
-from signals.motion import HOP_HZ, Motion, find_motion, loudness_db
+from signals.motion import HOP_HZ, Motion, Span, find_motion, loudness_db, runs_of
 from signals.recording import Recording
-from signals.segments import Span, runs_of
-from signals.spectra import BandEnvelope, LongSpectrum, band_envelope, long_spectrum
+from signals.spectra import BandEnvelope, LongSpectrum, band_envelope, long_spectrum, low_pass
 from signals.synchronous_average import FALSE_ALARM, SMOOTH_S, Fold, fold, noise_peak_db
 from signals.transients import (
     CHANGE_DB,
@@ -79,7 +78,7 @@ class Analysis:
         kept = np.ones(max(1, size), dtype=np.bool_)
         for span in self.left_out:
             kept[int(span.start_s * HOP_HZ) : int(np.ceil(span.end_s * HOP_HZ))] = False
-        return kept
+        return kept if kept.any() else ~kept  # of nothing nothing can be said
 
     def is_kept(self, size: int) -> NDArray[np.bool_]:
         """Return what is not left out, `HOP_HZ` values per second, shape (size,)."""
@@ -103,7 +102,6 @@ class Analysis:
         cut = [
             np.concatenate([values[round(first * step) : round(last * step)] for first, last in runs])
             for runs in self._cycle_runs
-            if runs
         ]
         longest = max((each.size for each in cut), default=0)
         return [each for each in cut if each.size and each.size > longest / 2] or [values]
@@ -157,7 +155,7 @@ class Analysis:
     @cached_property
     def low_passed(self) -> NDArray[np.float32]:
         """The record below 200 Hz, as in the paper, shape (n,) [unit]."""
-        return filters.low_pass(self.spectrum)
+        return low_pass(self.spectrum)
 
     def envelope(self, band: Band) -> BandEnvelope | None:
         """Squared envelope of a band after whitening; None if the recording does not reach there."""

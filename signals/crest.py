@@ -7,8 +7,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from signals.filters import PAPER_CUTOFF_HZ, low_pass
-from signals.spectra import long_spectrum
+from signals.spectra import PAPER_CUTOFF_HZ, long_spectrum, low_pass
 
 WINDOW_S = 0.1
 """Window of the trace unless another is asked for [s]."""
@@ -101,28 +100,14 @@ def crest_trace(
     )
 
 
-def peak_trace(samples: NDArray[np.float32], window: int, step: int) -> NDArray[np.float32]:
-    """Return the peak of every window, shape (1 + (n - window) // step,) [unit]; arguments in samples."""
-    windows = sliding_window_view(samples, window)[::step]
-    peaks: NDArray[np.float32] = np.maximum(windows.max(axis=1), -windows.min(axis=1))
-    return peaks
-
-
-def root_mean_square_trace(samples: NDArray[np.float32], window: int, step: int) -> NDArray[np.float32]:
-    """Return the effective value of every window, shape as `peak_trace` [unit]; arguments in samples."""
-    windows = sliding_window_view(samples, window)[::step]
-    power = np.einsum("ij,ij->i", windows, windows, dtype=np.float32)
-    effective: NDArray[np.float32] = np.sqrt(power / np.float32(window))
-    return effective
-
-
 def crest_factor_trace(samples: NDArray[np.float32], window: int, step: int) -> NDArray[np.float32]:
-    """Return the crest factor of every window, shape as `peak_trace` [1]; NaN where silent.
+    """Return the crest factor of every window, shape (1 + (n - window) // step,) [1]; NaN where silent.
 
     Olsson and Stolyarchuk, equation (2). Window and step are numbers of samples.
     """
-    peaks = peak_trace(samples, window, step)
-    effective = root_mean_square_trace(samples, window, step)
+    windows = sliding_window_view(samples, window)[::step]
+    peaks = np.maximum(windows.max(axis=1), -windows.min(axis=1))
+    effective = np.sqrt(np.einsum("ij,ij->i", windows, windows, dtype=np.float32) / np.float32(window))
     trace: NDArray[np.float32] = np.divide(peaks, effective, out=np.full_like(peaks, np.nan), where=effective > 0)
     return trace
 

@@ -56,35 +56,9 @@ def repetition(trace: NDArray[np.float32], lag: int, tolerance: int) -> float:
     return max(-1.0, min(1.0, max(products) / power))
 
 
-def envelope_spectrum(power: NDArray[np.float32], rate_hz: float) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Return frequencies [Hz] and the power of the squared envelope over its squared mean [1], shape (m,) each.
-
-    Args:
-        power: squared envelope, shape (n,), `rate_hz` values per second [Hz].
-
-    Modulation of depth d at one frequency is a line of power d²/2 (Randall and Antoni, Rolling element bearing
-    diagnostics - a tutorial, 2011).
-    """
-    mean = power.mean()
-    relative = power / mean - np.float32(1.0) if mean > 0 else np.zeros_like(power)
-    window = _hann(relative.size)
-    size = fft.next_fast_len(relative.size, real=True)
-    values = fft.rfft(relative * window, size)
-    scale = np.float32(2.0 / (window @ window) / relative.size)
-    frequency = np.arange(values.size, dtype=np.float64) * (rate_hz / size)
-    spectrum: NDArray[np.float32] = (values.real**2 + values.imag**2) * scale
-    return frequency, spectrum
-
-
 @lru_cache(maxsize=32)
 def _hann(size: int) -> NDArray[np.float32]:
     return np.hanning(size).astype(np.float32)
-
-
-@lru_cache(maxsize=32)
-def _hann_power(size: int) -> float:
-    window = _hann(size)
-    return float(window @ window)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +91,8 @@ def averaged_spectrum(pieces: Sequence[NDArray[np.float32]], rate_hz: float) -> 
     size = fft.next_fast_len(longest, real=True)
     rows = np.zeros((len(chosen), size), dtype=np.float32)
     for row, piece in zip(rows, chosen, strict=True):
-        window, scale = _hann(piece.size), 1 / np.sqrt(len(chosen) * _hann_power(piece.size))
+        window = _hann(piece.size)
+        scale = 1 / np.sqrt(len(chosen) * float(window @ window))
         np.multiply(piece, scale / piece.mean(), out=row[: piece.size])
         row[: piece.size] -= np.float32(scale)
         row[: piece.size] *= window

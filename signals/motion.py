@@ -4,6 +4,7 @@ The sound of a gear grows with speed and all but vanishes at standstill, so ever
 loudness. Two reversals make a cycle.
 """
 
+import itertools
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -44,6 +45,9 @@ CONTRADICTS = 0.05
 
 FEWEST_TO_CONTRADICT = 4
 """A period that is heard over so many reversals is used where the time of one way was given [1]."""
+
+AT_THE_END = 0.002
+"""Share of the stroke within which an axis counts as standing at its end [1]."""
 
 SHORTEST_DIP_S = 0.04
 LONGEST_BURST_S = 0.2
@@ -95,21 +99,34 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Dip:
-    """One quiet time, from start to end [s]."""
+class Span:
+    """A stretch of the recording, from its start [s] to its end [s]."""
 
     start_s: float
     end_s: float
 
     @property
     def centre_s(self) -> float:
-        """Middle of the quiet time [s]."""
+        """Middle [s]."""
         return (self.start_s + self.end_s) / 2
 
     @property
-    def width_s(self) -> float:
-        """Length of the quiet time [s]."""
+    def duration_s(self) -> float:
+        """Length [s]."""
         return self.end_s - self.start_s
+
+
+def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return where a mask, shape (n,), is true: first and one past the last of every run."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def quiet_runs(quiet: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the quiet stretches, as `runs_of`; a burst within one does not divide it."""
+    burst = int(LONGEST_BURST_S * HOP_HZ)
+    closed = ndimage.binary_closing(np.pad(quiet, burst, mode="edge"), np.ones(burst, dtype=np.bool_))[burst:-burst]
+    return runs_of(closed)
 
 
 def loudness_db(samples: NDArray[np.float32], rate_hz: float) -> NDArray[np.float32]:
@@ -178,7 +195,7 @@ def _smoothed(level_db: NDArray[np.float32]) -> tuple[NDArray[np.float64], float
     return smooth, float(plateau), float(floor), scatter
 
 
-def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Dip], float, float]:
+def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Span], float, float]:
     """Return the quiet times whole within the recording, how deep they are [dB], and depth over scatter [1].
 
     A dip is where the loudness is below the middle between its floor and its plateau (70th percentile; an axis
@@ -195,17 +212,12 @@ def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Dip], float, float]:
         slow = float(np.percentile(smooth[quiet], 70))
         if slow - floor > depth / 4:
             quiet = smooth < (slow + floor) / 2
-    burst = int(LONGEST_BURST_S * HOP_HZ)
-    quiet = ndimage.binary_closing(np.pad(quiet, burst, mode="edge"), np.ones(burst, dtype=np.bool_))[burst:-burst]
-    edges = np.flatnonzero(np.diff(quiet.astype(np.int8)))
-    if edges.size and quiet[0]:
-        edges = edges[1:]
-    runs = [Dip((a + 1) / HOP_HZ, (b + 1) / HOP_HZ) for a, b in zip(edges[::2], edges[1::2], strict=False)]
-    shortest = max(SHORTEST_DIP_S, 0.5 * float(np.median([dip.width_s for dip in runs]))) if runs else 0.0
-    return [dip for dip in runs if dip.width_s >= shortest], depth, clarity
+    runs = [Span(a / HOP_HZ, b / HOP_HZ) for a, b in quiet_runs(quiet) if a > 0 and b < quiet.size]
+    shortest = max(SHORTEST_DIP_S, 0.5 * float(np.median([dip.duration_s for dip in runs]))) if runs else 0.0
+    return [dip for dip in runs if dip.duration_s >= shortest], depth, clarity
 
 
-def _reversals(dips: list[Dip]) -> tuple[tuple[float, ...], bool, float]:
+def _reversals(dips: list[Span]) -> tuple[tuple[float, ...], bool, float]:
     """Return the reversal times, whether they repeat, and how clear the dips must be to be believed [1]."""
     centres = np.array([dip.centre_s for dip in dips])
     even = even_times(centres)
@@ -256,7 +268,7 @@ def _spacing(times: tuple[float, ...]) -> float:
     return float(np.median(np.subtract(times[2:], times[:-2]))) / 2
 
 
-def _quiet(dips: list[Dip], times: tuple[float, ...]) -> tuple[float, float]:
+def _quiet(dips: list[Span], times: tuple[float, ...]) -> tuple[float, float]:
     """Return median start and end of the dips, relative to the reversal next to each [s]."""
     if not times:
         return Motion().quiet_s
@@ -283,3 +295,28 @@ def _slow(level_db: NDArray[np.float32], times: tuple[float, ...]) -> tuple[floa
     start = before[-1] / HOP_HZ if before.size else -reach_s
     end = after[0] / HOP_HZ if after.size else reach_s
     return float(start), float(end)
+
+
+def reversal_times_s(time_s: NDArray[np.float64], position: NDArray[np.float64]) -> tuple[float, ...]:
+    """Return the middle of every stay at an end of the stroke, ascending [s]; () for a motion without return.
+
+    Between two passages through the middle of the range lies one end; passages count with a hysteresis of a tenth
+    of the range, so that noise makes none.
+    """
+    lowest, highest = float(position.min()), float(position.max())
+    span = highest - lowest
+    if span <= 0:
+        return ()
+    share = (position - lowest) / span
+    side = np.where(share > 0.55, 1, np.where(share < 0.45, -1, 0))
+    known = np.flatnonzero(side)
+    turns = known[1:][np.diff(side[known]) != 0]
+    if turns.size < 2:
+        return ()
+    times = []
+    for first, last in itertools.pairwise(turns):
+        piece = share[first:last]
+        end = piece.max() if side[first] > 0 else piece.min()
+        stays = first + np.flatnonzero(np.abs(piece - end) <= AT_THE_END)
+        times.append(float(time_s[stays[0]] + time_s[stays[-1]]) / 2)
+    return tuple(times)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from signals.motion import HOP_HZ, LONGEST_BURST_S, SHORTEST_DIP_S, SMOOTH_HOPS
+from signals.motion import HOP_HZ, SHORTEST_DIP_S, SMOOTH_HOPS, Span, quiet_runs
 
 RANGE_DB = 60.0
 """Levels further below the loudest tenth are all the same silence [dB]."""
@@ -31,19 +31,6 @@ SHORTEST_PAUSE_S = 1.5
 MARGIN_S = 0.05
 """Left out beside silence, for it may end with a click of the recorder [s]."""
 ROUNDS = 3
-
-
-@dataclass(frozen=True)
-class Span:
-    """A stretch of the recording, from its start [s] to its end [s]."""
-
-    start_s: float
-    end_s: float
-
-    @property
-    def duration_s(self) -> float:
-        """Length [s]."""
-        return self.end_s - self.start_s
 
 
 @dataclass(frozen=True)
@@ -151,27 +138,14 @@ def _quiet(level_db: NDArray[np.float32]) -> _Quiet | None:
     plateau = float(np.median(smooth[smooth >= top - PLATEAU_DB]))
     steps = np.abs(np.diff(smooth[::SMOOTH_HOPS]))
     scatter = 1.4826 * float(np.median(steps)) / np.sqrt(2)
-    runs = _runs(smooth < plateau - max(LEAST_FALL_DB, LEAST_FALL * scatter))
+    runs = quiet_runs(smooth < plateau - max(LEAST_FALL_DB, LEAST_FALL * scatter))
     inside = [run for run in runs if run[0] > 0 and run[1] < smooth.size and _long(run)]
     told = inside or [run for run in runs if _long(run)]
     if not told:
         return None
     floor = float(np.median([np.percentile(smooth[a:b], 20) for a, b in told]))
-    return _Quiet(tuple(run for run in _runs(smooth < (plateau + floor) / 2) if _long(run)), smooth, floor)
+    return _Quiet(tuple(run for run in quiet_runs(smooth < (plateau + floor) / 2) if _long(run)), smooth, floor)
 
 
 def _long(run: tuple[int, int]) -> bool:
     return run[1] - run[0] >= SHORTEST_DIP_S * HOP_HZ
-
-
-def _runs(quiet: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the quiet stretches; a burst within one does not divide it."""
-    burst = int(LONGEST_BURST_S * HOP_HZ)
-    closed = ndimage.binary_closing(np.pad(quiet, burst, mode="edge"), np.ones(burst, dtype=np.bool_))[burst:-burst]
-    return runs_of(closed)
-
-
-def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return where a mask, shape (n,), is true: first and one past the last of every run."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))).tolist()
-    return list(zip(edges[::2], edges[1::2], strict=True))

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from signals.band import Band
-from signals.motion import HOP_HZ, Motion
-from signals.segments import Span, runs_of
+from signals.motion import HOP_HZ, Motion, Span, runs_of
 
 Floats = NDArray[np.float64]
 EARLY_OR_LATE_S = 0.02

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import CompositionError, ParameterError, RunError, number
-from sim.piecewise_affine.channels import channel_names, channel_units
 from sim.piecewise_affine.engine import ExactEngine, Run, component_events
 from sim.piecewise_affine.system import Array, System
 from sim.residual import Residual, check_finite, instants
@@ -142,13 +141,13 @@ class _Reader:
     def __init__(self, engine: ExactEngine, run: Run, time_s: Array) -> None:
         self._engine, self._moving, self._modes, self._time = engine, run.states, run.modes, time_s
         self._solves = {i: engine.modes[i].solve for i in run.visited}
-        system = engine.system
-        self.units = channel_units(system)
-        self.sources: dict[str, Callable[[], Array]] = {
-            f"{name}.{channel}": partial(self._read, i, channel)
-            for i, name in enumerate(system.names)
-            for channel in channel_names(system, i)
-        }
+        self.units: dict[str, str] = {}
+        self.sources: dict[str, Callable[[], Array]] = {}
+        for i, (name, part) in enumerate(engine.system.train.components.items()):
+            branch = engine.system.pieces[i][0].branch
+            for channel in (*branch.channels, *branch.powers, *(("mode",) if branch.mode is not None else ())):
+                self.units[f"{name}.{channel}"] = part.unit(channel)
+                self.sources[f"{name}.{channel}"] = partial(self._read, i, channel)
 
     @cached_property
     def _states(self) -> Array:

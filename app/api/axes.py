@@ -7,7 +7,7 @@ from fastapi import APIRouter, Depends, Path, Query, Request, Response, status
 from fastapi.concurrency import run_in_threadpool
 from sqlalchemy.orm import Session
 
-from app.axes.axis_schema import axis_schema
+from app.axes import axis_schema
 from app.documents import CONTINUES, AxisAnswer, Limit, PageOf, page_of
 from app.http.errors import UnsupportedMedia
 from app.http.headers import location

@@ -25,7 +25,7 @@ from casebase.store import erasing
 from casebase.store.models import Extractor, StoredRecording
 from signals.crest import WINDOW_S
 from signals.features import EXTRACTOR_VERSION, catalogue
-from signals.filters import PAPER_CUTOFF_HZ
+from signals.spectra import PAPER_CUTOFF_HZ
 
 router = APIRouter(prefix="/recordings/{recording_id}", tags=["recordings"])
 

@@ -8,8 +8,7 @@ from typing import Annotated, Any
 import tomli_w
 import typer
 
-from app.axes.axis_templates import TEMPLATES
-from app.axes.axis_units import in_si
+from app.axes import TEMPLATES, in_si
 from app.commands import frame
 from app.commands.frame import ACTOR, Json
 from app.http.errors import Unprocessable

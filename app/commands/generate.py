@@ -54,7 +54,12 @@ def generate(
     entries = [{"counts": dict.fromkeys(label or LABELS, per_label)}] if plan_file is None else read_plan(plan_file)
     with frame.library() as library:
         microphones, version = ((), None) if generic else fitted_microphones(library, described)
-        common: dict[str, Any] = {"seed": seed, "duration_s": duration, "microphones": microphones, "sound_version": version}
+        common: dict[str, Any] = {
+            "seed": seed,
+            "duration_s": duration,
+            "microphones": microphones,
+            "sound_version": version,
+        }
         campaigns = [Campaign(described, **common, **entry) for entry in entries]
         outcomes = [with_progress(library, each, processes) for each in campaigns]
     new, known = sum(each.new for each in outcomes), sum(each.known for each in outcomes)

@@ -12,7 +12,7 @@ import typer
 
 from app.commands import frame
 from app.commands.frame import AXIS, Json
-from app.recordings.sound import read_sound
+from app.recordings.intake import read_sound
 from app.report.investigation_report import investigation_report
 from signals.columns.table_kinds import table_kinds
 from signals.errors import SignalError

@@ -1,5 +1,6 @@
 """`gearcase record` and `watch`: recordings of a microphone, or of a folder, are sent to a service."""
 
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated
@@ -10,10 +11,10 @@ from app.commands import BAD_INPUT, DONE, frame
 from app.commands.frame import Channel, Gearbox, NamedAxis, Payload, Speed, Steady
 from app.process import stop_on_signals
 from app.recordings import microphone
+from app.recordings.intake import read_sound
 from app.recordings.metadata import RecordingMetadata
 from app.recordings.remote import RefusedError, Remote, UnreachableError
-from app.recordings.sound import read_sound
-from app.recordings.watch_folder import MEMORY, SETTLED_S, Candidate, Memory, WatchFolder
+from app.recordings.watch_folder import MEMORY, SETTLED_S, Memory, Sent, WatchFolder
 from app.report.words import verdict_of
 from signals.features import extract
 from signals.recording_quality.quality import Severity
@@ -126,8 +127,8 @@ def watch(
     pause_s, waited_for = EVERY_S, set[str]()
     while not stop.is_set():
         try:
-            for candidate in watched.look():
-                _send(remote, watched.memory, candidate, metadata)
+            for path, found in watched.look():
+                watched.memory.add(_sent(remote, path, found, metadata))
                 if stop.is_set():
                     break
             pause_s = EVERY_S
@@ -149,12 +150,12 @@ def watch(
     raise typer.Exit(DONE)
 
 
-def _send(remote: Remote, memory: Memory, candidate: Candidate, metadata: dict[str, object]) -> None:
+def _sent(remote: Remote, path: Path, found: Sent, metadata: dict[str, object]) -> Sent:
+    """Send a recording, say what was answered, and return what to remember."""
     try:
-        diagnosis = remote.diagnose(candidate.path, metadata, candidate.sha256)
+        diagnosis = remote.diagnose(path, metadata, found.sha256)
     except RefusedError as error:
-        memory.add(candidate.sent(refused=str(error)))
-        frame.show(f"{candidate.path.name}: refused: {error}")
-        return
-    memory.add(candidate.sent(diagnosis["id"]))
-    frame.show(f"{candidate.path.name}: {verdict_of(diagnosis).headline}. {remote.page_of(diagnosis)}")
+        frame.show(f"{path.name}: refused: {error}")
+        return replace(found, refused=str(error))
+    frame.show(f"{path.name}: {verdict_of(diagnosis).headline}. {remote.page_of(diagnosis)}")
+    return replace(found, diagnosis_id=diagnosis["id"])

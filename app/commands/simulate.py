@@ -6,7 +6,7 @@ What a run needs is imported when it is run: help and refusals come at once.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 
 from app.commands import frame
 from app.commands.frame import AXIS, Json
-from app.simulated.simulation_files import write_events, write_sound, write_table, write_telemetry
 from sim.errors import ParameterError, near_match
 
 if TYPE_CHECKING:
-    from sim.description.axis import Axis
-    from sim.experiment.virtual_measurement import Measurement
+    from signals.telemetry import Telemetry
     from sim.rotational.trajectory import Trajectory
 
 RATE_HZ = 8000.0
+SOUND_RATE_HZ = 8000
+DECIMALS = 9
 Result = TypeVar("Result")
 
 
@@ -37,29 +37,6 @@ class Wanted:
     name: str
     location: str | None
     values: dict[str, float]
-
-
-@dataclass(frozen=True)
-class Run:
-    """What every run is told: how long [s], and where its files go."""
-
-    duration: float
-    out: Path
-    parquet: bool
-
-    @property
-    def table(self) -> str:
-        return "parquet" if self.parquet else "csv"
-
-    def watched(self, run: Callable[[NDArray[np.float64]], Result]) -> Result:
-        """Run in a thread and show how far it is; the compiled engine works without the interpreter's lock."""
-        watch = np.zeros(1)
-        with frame.progress() as progress, ThreadPoolExecutor(1) as beside:
-            task = progress.add_task(f"simulating {self.duration:g} s", total=1.0)
-            running = beside.submit(run, watch)
-            while wait([running], timeout=0.1).not_done:
-                progress.update(task, completed=float(watch[0]))
-        return running.result()
 
 
 def simulate(
@@ -82,67 +59,111 @@ def simulate(
     json: Json = False,
 ) -> None:
     """Simulate an axis along its motion, its telemetry at 2 kHz and its sound at 8 kHz; or any drive train."""
-    if train is None and axis is not None:
-        run = Run(duration, out, parquet)
-        document = simulate_axis(run, axis, read_mechanisms(mechanism or [], settings or []), seed)
-        lines = axis_lines(document)
-    elif axis is None and train is not None:
-        if mechanism or settings:
-            raise ParameterError("--mechanism and --set go with --axis")
-        document = simulate_train(Run(duration, out, parquet), train, rate)
-        lines = train_lines(document)
-    else:
+    if (axis is None) == (train is None):
         raise ParameterError("give --axis or --train, one of them")
+    if train is not None and (mechanism or settings):
+        raise ParameterError("--mechanism and --set go with --axis")
+    ending = "parquet" if parquet else "csv"
+    if axis is not None:
+        wanted = read_mechanisms(mechanism or [], settings or [])
+        names = ("axis.toml", f"telemetry.{ending}", "sound.wav")
+        document, lines = simulate_axis(axis, wanted, seed, duration, [out / name for name in names])
+    else:
+        assert train is not None
+        names = ("train.toml", f"result.{ending}", "events.csv")
+        document, lines = simulate_train(train, rate, duration, [out / name for name in names])
     frame.answer(json, document, *lines, *document["files"])
 
 
-def simulate_axis(run: Run, given: str, wanted: list[Wanted], seed: int) -> dict[str, Any]:
-    """Simulate an axis and write its files; return what was simulated, in numbers."""
+def watched(duration: float, run: Callable[[NDArray[np.float64]], Result]) -> Result:
+    """Run in a thread and show how far it is; the compiled engine works without the interpreter's lock."""
+    watch = np.zeros(1)
+    with frame.progress() as progress, ThreadPoolExecutor(1) as beside:
+        task = progress.add_task(f"simulating {duration:g} s", total=1.0)
+        running = beside.submit(run, watch)
+        while wait([running], timeout=0.1).not_done:
+            progress.update(task, completed=float(watch[0]))
+    return running.result()
+
+
+def simulate_axis(
+    given: str, wanted: list[Wanted], seed: int, duration: float, files: list[Path]
+) -> tuple[dict[str, Any], list[str]]:
+    """Simulate an axis and write its description, telemetry and sound; return what was simulated, and in words."""
+    import soundfile
+
     from sim.description.axis_document import write_axis
-    from sim.experiment.virtual_measurement import Measurement, heard, moved, recorded
+    from sim.experiment.virtual_measurement import heard, moved, recorded
     from sim.mechanisms import MECHANISMS
     from sim.mechanisms.catalogue import with_mechanism
 
     described = frame.axis_of(given)
     for one in wanted:
         described = with_mechanism(described, MECHANISMS[one.name](one.location, one.values))
-    trajectory = run.watched(lambda watch: moved(described, run.duration, watch))
-    files = [run.out / name for name in ("axis.toml", f"telemetry.{run.table}", "sound.wav")]
-    run.out.mkdir(parents=True, exist_ok=True)
+    trajectory = watched(duration, lambda watch: moved(described, duration, watch))
+    files[0].parent.mkdir(parents=True, exist_ok=True)
     telemetry = recorded(trajectory, described, seed)
     with ThreadPoolExecutor(1) as beside:
         table = beside.submit(write_telemetry, telemetry, files[1])
         sound = heard(trajectory, described, seed)
-        write_sound(sound, files[2])
+        soundfile.write(files[2], sound, SOUND_RATE_HZ, subtype="PCM_16")
         table.result()
     files[0].write_text(write_axis(described), encoding="utf-8")
-    return summary(Measurement(trajectory, telemetry, sound), described, files)
+    torque = telemetry["motor_torque_nm"]
+    moments = {"rms": float(np.sqrt(np.mean(torque**2))), "largest": float(np.abs(torque).max())}
+    loudness = {"rms": float(np.std(sound)), "largest": float(np.abs(sound).max())}
+    mechanisms: Any = described.to_mapping().get("mechanisms", [])
+    document: dict[str, Any] = {
+        "axis": described.name,
+        "mechanisms": mechanisms,
+        **_about(trajectory, files),
+        "motor_torque_nm": moments,
+        "sound": loudness,
+    }
+    effects = ", ".join(str(entry["name"]) for entry in mechanisms) or "no added mechanism"
+    return document, [
+        f"{described.name}: {document['duration_s']:g} s with {effects} ({trajectory.engine})",
+        f"motor torque: rms {moments['rms']:.3g} N m, largest {moments['largest']:.3g} N m",
+        f"sound: rms {loudness['rms']:.3g}, largest {loudness['largest']:.3g} of full scale",
+    ]
 
 
-def simulate_train(run: Run, path: Path, rate: float) -> dict[str, Any]:
-    """Simulate a drive train and write its files; return what was simulated, in numbers."""
+def simulate_train(path: Path, rate: float, duration: float, files: list[Path]) -> tuple[dict[str, Any], list[str]]:
+    """Simulate a drive train, write it, its channels and events; return what was simulated, and in words."""
     from sim.rotational.train_document import read_train
     from sim.solver import simulate as simulate_any
 
     text = path.read_bytes()
     train = read_train(text)
-    result = run.watched(lambda watch: simulate_any(train, run.duration, rate, watch=watch))
-    columns = {"time_s": result.time_s, **result.channels}
-    files = [run.out / name for name in ("train.toml", f"result.{run.table}", "events.csv")]
-    run.out.mkdir(parents=True, exist_ok=True)
+    result = watched(duration, lambda watch: simulate_any(train, duration, rate, watch=watch))
+    files[0].parent.mkdir(parents=True, exist_ok=True)
     files[0].write_bytes(text)
-    write_table(columns, files[1])
-    write_events(result.events, files[2])
-    return {
+    write_table({"time_s": result.time_s, **result.channels}, files[1])
+    rows = (f"{event.time_s!r},{event.component},{event.from_name},{event.to_name}\n" for event in result.events)
+    files[2].write_text("time_s,component,from,to\n" + "".join(rows), encoding="utf-8")
+    channels = {
+        name: {"unit": result.units[name], "smallest": float(values.min()), "largest": float(values.max())}
+        for name, values in result.channels.items()
+    }
+    document: dict[str, Any] = {
         "train": str(path),
-        "engine": result.engine,
-        "duration_s": float(result.time_s[-1]),
         "sample_rate_hz": rate,
-        "events": events_of(result),
-        "channels": {
-            name: {"unit": result.units[name], "smallest": float(values.min()), "largest": float(values.max())}
-            for name, values in result.channels.items()
-        },
+        "channels": channels,
+        **_about(result, files),
+    }
+    events = ", ".join(f"{name} {count}" for name, count in document["events"].items()) or "none"
+    return document, [
+        f"{path}: {document['duration_s']:g} s of {len(channels)} channels ({result.engine})",
+        f"changes of mode: {events}",
+    ]
+
+
+def _about(run: Trajectory, files: list[Path]) -> dict[str, Any]:
+    """What every run has; `events`: how many changes of mode each component had."""
+    return {
+        "engine": run.engine,
+        "duration_s": float(run.time_s[-1]),
+        "events": dict(Counter(event.component for event in run.events)),
         "files": [str(path) for path in files],
     }
 
@@ -197,42 +218,19 @@ def _number(key: str, value: str) -> float:
         raise ParameterError(f"--set {key}: must be a number, got {value!r}") from None
 
 
-def events_of(trajectory: Trajectory) -> dict[str, int]:
-    """How many changes of mode each component had."""
-    return dict(Counter(event.component for event in trajectory.events))
+def write_table(columns: Mapping[str, NDArray[np.float64]], path: Path) -> None:
+    """Columns of equal length, every digit: Parquet where the name ends so, else CSV."""
+    import pyarrow as pa
+    from pyarrow import csv, parquet
+
+    table = pa.table(dict(columns))
+    if path.suffix == ".parquet":
+        parquet.write_table(table, path, use_dictionary=False)  # of numbers that hardly repeat
+    else:
+        csv.write_csv(table, path, csv.WriteOptions(quoting_style="none", quoting_header="none"))
 
 
-def summary(result: Measurement, axis: Axis, files: list[Path]) -> dict[str, Any]:
-    """What was simulated, in numbers."""
-    torque = result.telemetry["motor_torque_nm"]
-    return {
-        "axis": axis.name,
-        "mechanisms": axis.to_mapping().get("mechanisms", []),
-        "engine": result.trajectory.engine,
-        "duration_s": float(result.trajectory.time_s[-1]),
-        "events": events_of(result.trajectory),
-        "motor_torque_nm": {"rms": float(np.sqrt(np.mean(torque**2))), "largest": float(np.abs(torque).max())},
-        "sound": {"rms": float(np.std(result.sound)), "largest": float(np.abs(result.sound).max())},
-        "files": [str(path) for path in files],
-    }
-
-
-def axis_lines(document: dict[str, Any]) -> list[str]:
-    """The run of an axis for people."""
-    effects = ", ".join(str(entry["name"]) for entry in document["mechanisms"]) or "no added mechanism"
-    torque, sound = document["motor_torque_nm"], document["sound"]
-    return [
-        f"{document['axis']}: {document['duration_s']:g} s with {effects} ({document['engine']})",
-        f"motor torque: rms {torque['rms']:.3g} N m, largest {torque['largest']:.3g} N m",
-        f"sound: rms {sound['rms']:.3g}, largest {sound['largest']:.3g} of full scale",
-    ]
-
-
-def train_lines(document: dict[str, Any]) -> list[str]:
-    """The run of a drive train for people."""
-    events = ", ".join(f"{name} {count}" for name, count in document["events"].items()) or "none"
-    length, channels = document["duration_s"], len(document["channels"])
-    return [
-        f"{document['train']}: {length:g} s of {channels} channels ({document['engine']})",
-        f"changes of mode: {events}",
-    ]
+def write_telemetry(telemetry: Telemetry, path: Path) -> None:
+    """One row per sample, columns in SI units by the names of `signals.telemetry.CHANNELS`, to nine decimals."""
+    columns = {"time_s": telemetry.time_s, **telemetry.channels}
+    write_table({name: np.round(values, DECIMALS) + 0.0 for name, values in columns.items()}, path)  # no -0

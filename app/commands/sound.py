@@ -10,8 +10,7 @@ import typer
 
 from app.commands import frame
 from app.commands.frame import ACTOR, AXIS, CORES, Channel, Json, Payload, Period, Processes, Speed
-from app.recordings.intake import mesh_orders, shaft_orders
-from app.recordings.sound import read_sound
+from app.recordings.intake import mesh_orders, read_sound, shaft_orders
 from app.simulated import comparison
 from app.simulated.comparison import CAUSES, Comparison, FamilyGap, Gain
 from app.simulated.generation import fitted_microphones

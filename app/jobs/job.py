@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 JobState: TypeAlias = Literal["queued", "running", "done", "failed", "cancelled"]
@@ -51,7 +51,7 @@ class Job:
     finished_at: datetime | None
     submitted_by: str | None
     worker: str | None
-    result: Json
+    result: Any
     error: str | None
 
 

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, TypeVar
 
 import structlog
-from sqlalchemy import and_, case, delete, func, or_, select, tuple_, update
+from sqlalchemy import Select, and_, case, delete, func, or_, select, tuple_, update
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
@@ -196,29 +196,16 @@ class Worker:
             leases.end(session, self.lease)
 
     def _claim(self, steps: Sequence[str]) -> Claim | None:
-        # a claim whose confirmation got lost with the connection is nobody's work: it is claimed again
-        forgotten = and_(JobStep.lease == self.lease, tuple_(JobStep.job_id, JobStep.number).not_in(self.running))
-        priority = case({name: kind.priority for name, kind in self.kinds.items()}, value=StoredJob.kind)
-        statement = (
-            select(JobStep)
-            .join(StoredJob)
-            .where(
-                JobStep.step.in_(steps),
-                JobStep.done.is_(False),
-                or_(JobStep.lease.is_(None), JobStep.lease.not_in(select(WorkerLease.id)), forgotten),
-                StoredJob.finished_at.is_(None),
-                StoredJob.kind.in_(self.kinds),
-                or_(StoredJob.not_before.is_(None), StoredJob.not_before <= now()),
-            )
-            .order_by(priority, StoredJob.created_at, StoredJob.id, JobStep.number)
-        )
-        with self.claiming:
+        with self.claiming:  # so that what the threads of this worker are at is known when the next step is chosen
             with self.library.transaction(ACTOR) as session:
-                step = session.scalars(statement.limit(1).with_for_update(of=JobStep, skip_locked=True)).first()
+                step = session.scalars(self._free(steps).with_for_update(of=JobStep, skip_locked=True)).first()
                 job = None if step is None else session.get(StoredJob, step.job_id, with_for_update=True)
                 if step is None or job is None or job.state in OVER:
                     return None
-                step.lost += step.lease not in (None, self.lease)
+                if step.lease not in (None, self.lease):
+                    if session.get(WorkerLease, step.lease) is not None:
+                        return None  # of one that began while this was waiting for the row
+                    step.lost += 1
                 if step.lost > MOST_LOST:
                     _end(session, job, "failed", error="given up: worker after worker died while at it")
                     return None
@@ -233,6 +220,26 @@ class Worker:
                 claim = Claim((job.id, step.number), step.step, self.kinds[job.kind], parameters, results)
             self.running.add(claim.key)
         return claim
+
+    def _free(self, steps: Sequence[str]) -> Select[JobStep]:
+        """Select the next step that nobody does."""
+        # a claim whose confirmation got lost with the connection is nobody's work: it is claimed again
+        forgotten = and_(JobStep.lease == self.lease, tuple_(JobStep.job_id, JobStep.number).not_in(self.running))
+        priority = case({name: kind.priority for name, kind in self.kinds.items()}, value=StoredJob.kind)
+        return (
+            select(JobStep)
+            .join(StoredJob)
+            .where(
+                JobStep.step.in_(steps),
+                JobStep.done.is_(False),
+                or_(JobStep.lease.is_(None), JobStep.lease.not_in(select(WorkerLease.id)), forgotten),
+                StoredJob.finished_at.is_(None),
+                StoredJob.kind.in_(self.kinds),
+                or_(StoredJob.not_before.is_(None), StoredJob.not_before <= now()),
+            )
+            .order_by(priority, StoredJob.created_at, StoredJob.id, JobStep.number)
+            .limit(1)
+        )
 
     def _result(self, claim: Claim) -> Any:
         if claim.step == "plan":

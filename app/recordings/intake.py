@@ -10,7 +10,6 @@ from zoneinfo import ZoneInfo
 from sqlalchemy.orm import Session
 
 from app.recordings.metadata import RecordingMetadata
-from app.recordings.sound import read_sound
 from app.settings import settings_of
 from casebase.axes import find_axis, list_axes
 from casebase.description import RecordingDescription, check_name
@@ -20,6 +19,7 @@ from casebase.reasoning.plausibility import Expected, Known, held_against
 from casebase.store.audio_store import StoredBytes
 from casebase.store.models import StoredDiagnosis, StoredRecording
 from signals.features import Extraction, extract
+from signals.reading.decode import LIMITS, read_recording
 from signals.recording import Recording
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
@@ -142,6 +142,11 @@ def expected(library: CaseLibrary, axis: Axis | None, name: str | None) -> Expec
         ratio=axis.ratio,
     )
     return described.joined(cases)
+
+
+def read_sound(path: Path, *, channel: int | None = None) -> Recording:
+    """Decode a file that comes in, as `read_recording` does; lossy ones only if the installation takes them."""
+    return read_recording(path, channel=channel, limits=replace(LIMITS, lossy=settings_of().accept_lossy))
 
 
 def take_in(

@@ -19,7 +19,7 @@ from casebase.search.retrieval import Match
 from casebase.search.similarity import Floats
 from casebase.store.fields import Word
 from signals.features import FeatureDefinition, Severity, catalogue
-from signals.features.meshing import Meshing
+from signals.features.lines import Meshing
 
 MOST_NEIGHBOURS = 100
 OneOrMore = Word | Annotated[tuple[Word, ...], Field(min_length=1, max_length=MOST_NEIGHBOURS)]

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from signals.crest import WINDOW_S, crest_trace
-from signals.filters import PAPER_CUTOFF_HZ
 from signals.reading.decode import read_recording
 from signals.recording import Recording
 from signals.recording_quality.disturbances import Survey
+from signals.spectra import PAPER_CUTOFF_HZ
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes  # slow to import

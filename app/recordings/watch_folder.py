@@ -6,7 +6,7 @@ import shutil
 import struct
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from app.commands.sounds import SUFFIX
@@ -76,19 +76,6 @@ class Memory:
         self._keep(sent)
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A finished recording that was not sent yet."""
-
-    path: Path
-    size: int
-    changed_ns: int
-    sha256: str
-
-    def sent(self, diagnosis_id: str | None = None, refused: str | None = None) -> Sent:
-        return Sent(self.path.name, self.size, self.changed_ns, self.sha256, diagnosis_id, refused)
-
-
 @dataclass
 class WatchFolder:
     """A folder that is looked at again and again; its sub-folders are not.
@@ -108,8 +95,8 @@ class WatchFolder:
     """Names of files that do not change any more and have fewer bytes than their headers say."""
     _seen: dict[Path, tuple[int, int, float]] = field(default_factory=dict)
 
-    def look(self) -> Iterator[Candidate]:
-        """Yield what is finished and was not sent, the oldest first; move what was sent."""
+    def look(self) -> Iterator[tuple[Path, Sent]]:
+        """Yield what is finished and was not sent, the oldest first, with what to remember; move what was sent."""
         self.unsettled, self.incomplete = 0, set()
         found = []
         for entry in os.scandir(self.folder):
@@ -124,9 +111,9 @@ class WatchFolder:
             sha256 = known.sha256 if known else sha256_of(path)
             before = self.memory.by_content(sha256)
             if before is None:
-                yield Candidate(path, size, changed_ns, sha256)
+                yield path, Sent(path.name, size, changed_ns, sha256)
             elif known is None:
-                self.memory.add(Sent(path.name, size, changed_ns, sha256, before.diagnosis_id, before.refused))
+                self.memory.add(replace(before, name=path.name, size=size, changed_ns=changed_ns))
             if (now := self.memory.by_content(sha256)) is not None and now.refused is None:
                 self._move(path, sha256)
 

@@ -1,10 +1,11 @@
 """The trend of a gearbox as charts: what rises with a fault, against its own baseline, with what was done to it."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from app.report.charts import Chart
 from app.report.svg import Band, Marker, Series
@@ -25,6 +26,9 @@ RISING = {
     "strongest_impulse": "strongest impact of a cycle",
 }
 """What rises, by the beginning of a feature's name; its band follows."""
+LEVELS = ("RMS", "peak")
+SIZES = (("size", "value", 1), ("low end of 90 %", "low", 6), ("high end of 90 %", "high", 6))
+"""Words, key and style of each line of a size."""
 UNITS = (("days", 86400.0, 2.0), ("hours", 3600.0, 2.0), ("minutes", 60.0, 0.0))
 """Name, length [s], and how many of it a trend must span to be drawn in it."""
 
@@ -58,58 +62,60 @@ def _rising(name: str) -> str:
     return next((told for beginning, told in RISING.items() if name.startswith(beginning)), words) + f",{band}"
 
 
-def _axis_of_time(trend: Trend) -> tuple[str, float, datetime]:
+def _time_axis(trend: Trend) -> tuple[str, Callable[[datetime], float]]:
+    """Return the words of the axis of time, and where a time stands on it."""
     start, end = trend.recordings[0].at, trend.recordings[-1].at
     span_s = (end - start).total_seconds()
     name, length_s, _ = next(unit for unit in UNITS if span_s >= unit[1] * unit[2])
     written = f"{start:%Y-%m-%d}" if name == "days" else f"{start:%Y-%m-%d %H:%M} UTC"
-    return f"{name} since {written}", length_s, start
-
-
-def _times(trend: Trend, rows: Sequence[int]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    _, length_s, start = _axis_of_time(trend)
-    return np.array([(trend.recordings[row].at - start).total_seconds() / length_s for row in rows], dtype=np.float64)
+    return f"{name} since {written}", lambda at: (at - start).total_seconds() / length_s
 
 
 def _marks(trend: Trend, history: History, *here: tuple[datetime, str]) -> tuple[Marker, ...]:
-    _, length_s, start = _axis_of_time(trend)
+    _, place = _time_axis(trend)
     words = [(each.at, each.text if each.kind == NOTE else f"{each.kind}: {each.text}") for each in history.done]
     if trend.at_once is not None:
         words.append((trend.at_once.at, "change at once"))
     elif trend.changed:
         words.append((trend.began.at, "change begins"))
-    return tuple(Marker((at - start).total_seconds() / length_s, text[:24]) for at, text in (*words, *here))
+    return tuple(Marker(place(at), text[:24]) for at, text in (*words, *here))
+
+
+def _chart(
+    trend: Trend,
+    title: str,
+    label: str,
+    marks: tuple[Marker, ...],
+    *lines: tuple[str, Sequence[int], ArrayLike, int | None],
+    bands: tuple[Band, ...] = (),
+) -> Chart:
+    """Return a chart of lines, each with its words, the recordings that it is of, its values and its style."""
+    name, place = _time_axis(trend)
+    series = tuple(
+        Series(words, np.array([place(trend.recordings[row].at) for row in rows]), np.asarray(values), style)
+        for words, rows, values, style in lines
+    )
+    return Chart(title, series, name, label, bands=bands, markers=marks)
 
 
 def _followed(trend: Trend, one: Followed, title: str, label: str, marks: tuple[Marker, ...]) -> Chart:
-    name, _, _ = _axis_of_time(trend)
     found = one.expected()
     expected = Band(f"expected: all but 1 in {RECORDINGS_PER_FALSE_ALARM:,} good recordings", found.low, found.high)
-    words = "as it would be in the typical state of operation"
-    series = Series(words, _times(trend, one.rows.tolist()), found.adjusted)
-    bands = (expected,) if math.isfinite(found.low) else ()
-    return Chart(title, (series,), name, label, bands=bands, markers=marks)
+    line = ("as it would be in the typical state of operation", one.rows.tolist(), found.adjusted, None)
+    return _chart(trend, title, label, marks, line, bands=(expected,) if math.isfinite(found.low) else ())
 
 
 def level_chart(trend: Trend, history: History) -> Chart:
     """Return the chart of RMS and peak, which follow the place of the microphone, too."""
-    name, _, _ = _axis_of_time(trend)
     followed = {one.name: one for one in trend.followed}
-    rms, peak = (followed[each] for each in ("rms", "peak"))
-    series = tuple(
-        Series(words, _times(trend, one.rows.tolist()), one.values) for words, one in (("RMS", rms), ("peak", peak))
-    )
-    return Chart("RMS and peak as recorded", series, name, "level [unit of the sound]", markers=_marks(trend, history))
+    lines = [(words, followed[words.lower()].rows.tolist(), followed[words.lower()].values, None) for words in LEVELS]
+    return _chart(trend, "RMS and peak as recorded", "level [unit of the sound]", _marks(trend, history), *lines)
 
 
 def _size(trend: Trend, sizes: Mapping[str, Mapping[str, float]], marks: tuple[Marker, ...]) -> Chart | None:
     rows = [row for row, one in enumerate(trend.recordings) if one.recording_id in sizes]
     if len(rows) < 2:
         return None
-    name, _, _ = _axis_of_time(trend)
     found = [sizes[trend.recordings[row].recording_id] for row in rows]
-    series = tuple(
-        Series(words, _times(trend, rows), np.array([1e3 * each[key] for each in found]), style)
-        for words, key, style in (("size", "value", 1), ("low end of 90 %", "low", 6), ("high end of 90 %", "high", 6))
-    )
-    return Chart("Size of the fault", series, name, "size [mrad]", markers=marks)
+    lines = [(words, rows, [1e3 * each[key] for each in found], style) for words, key, style in SIZES]
+    return _chart(trend, "Size of the fault", "size [mrad]", marks, *lines)

@@ -1,15 +1,19 @@
-"""An error as a page, where a browser asked for one: the same words as the problem document, and the way out."""
+"""An error as a page, where a browser asked for one: the same words as the problem document, and the way out.
+
+So are two questions that end a request: who is there, and which label is meant.
+"""
 
 import json
 
 from starlette.datastructures import Headers
 from starlette.requests import Request
-from starlette.responses import RedirectResponse
+from starlette.responses import HTMLResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.http.security import known
 from app.report.formatting import sentence
 from app.service import service_of
-from app.web.page import render
+from app.web.page import below_root, render
 
 
 class PageErrors:
@@ -69,3 +73,11 @@ async def sign_in_first(request: Request, error: Exception) -> RedirectResponse:
     root = service_of(request).settings.root_path.rstrip("/")
     query = getattr(error, "query", "next=%2F")
     return RedirectResponse(f"{root}/sign-in?{query}", status_code=303)
+
+
+async def ask_which_label(request: Request, error: Exception) -> HTMLResponse:
+    """Answer LabelQuestion with the question; the answer goes where the form went, with all that it said."""
+    form = (await request.form()).multi_items()
+    given = [(name, value) for name, value in form if name not in ("csrf", "label", "another", "sure")]
+    context = {"question": error, "path": below_root(request), "given": given}
+    return render(request, "label.html", context, principal=known(request), section="/diagnoses")

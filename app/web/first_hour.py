@@ -172,7 +172,7 @@ def obstacles(row: AxisRevision | None) -> Mapping[str, str | None]:
     return {label: obstacle(axis, label) for label in LABELS} if axis and axis.stages else {}
 
 
-def axis_cases(service: Service, session: Session) -> Mapping[str, Mapping[str, LabelCases]]:
+def axis_cases(service: Service, session: Session) -> Mapping[str | None, Mapping[str, LabelCases]]:
     """Return the cases of every axis by label, counted once for every version of the library."""
     return kept_count(service.library, session, "cases of axes", lambda: cases_of_axes(session))
 

@@ -1,14 +1,17 @@
 """Labels to choose from, and what is asked before a new one: a second word for a known kind splits its cases in two."""
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from difflib import get_close_matches
-from typing import Literal
+from typing import Annotated, Literal
 
+from fastapi import Depends, Form
 from pydantic import TypeAdapter, ValidationError
 
 from app.http.errors import Unprocessable
 from app.report.words import NAMES, name_of
+from app.service import TheService
+from app.web.counted import counts_of
 from casebase.labels import GEAR_DAMAGE
 from casebase.store.fields import Label
 from sim.experiment.design_of_experiments import LABELS
@@ -107,6 +110,25 @@ def chosen(label: str, another: str, sure: bool, library: Iterable[str]) -> str:
     if near:
         raise LabelQuestion(new, near)
     return new
+
+
+def label_given(
+    service: TheService,
+    label: Annotated[str, Form()] = "",
+    another: Annotated[str, Form()] = "",
+    sure: Annotated[str, Form()] = "",
+) -> Callable[[], str]:
+    """Dependency of a form with a list of labels: returns the one that it says, as `chosen`, when it is wanted."""
+
+    def wanted() -> str:
+        with service.library.reading() as session:
+            known = {one for one, _ in counts_of(service.library, session)}
+        return chosen(label, another, bool(sure), known)
+
+    return wanted
+
+
+LabelGiven = Annotated[Callable[[], str], Depends(label_given)]
 
 
 def near_labels(new: str, known: Collection[str]) -> list[str]:

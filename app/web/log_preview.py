@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.recordings.sound import read_sound
 from signals.errors import TelemetryError
 from signals.reading.limited_pool import LimitedPool, refusals_as
 from signals.telemetry import LONGEST_MAP
@@ -51,6 +50,8 @@ def sound_preview(path: Path) -> Mapping[str, Any]:
     Raises:
         SignalError: if it cannot be read.
     """
+    from app.recordings.intake import read_sound  # the limited process, which imports this module, needs no library
+
     sound = read_sound(path)
     step_s = max(STEP_S, sound.duration_s / POINTS)
     level = levels(sound.samples, max(1, round(step_s * sound.sample_rate_hz)))

@@ -6,14 +6,15 @@ A key stands in an HttpOnly cookie; forms carry a token that only a page of ours
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, TypeVar
 from urllib.parse import quote
 
 from fastapi import Depends, Form, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
+from pydantic import BaseModel, ValidationError
 
 from app.background_cache import Pending
-from app.http.errors import Forbidden, NotAuthenticated
+from app.http.errors import Forbidden, NotAuthenticated, validation_problem
 from app.http.security import (
     COOKIE,
     Guard,
@@ -30,6 +31,7 @@ from app.http.uploads import check_whole
 from app.report.formatting import ENVIRONMENT, instant
 from app.service import Service, service_of
 
+Asked = TypeVar("Asked", bound=BaseModel)
 NAVIGATION = (
     ("/fleet", "Fleet", "1", "viewer"),
     ("/diagnoses", "Diagnoses", "2", "viewer"),
@@ -168,6 +170,14 @@ def render(
 def root_of(service: Service) -> str:
     """Return the path under which a proxy serves us, without a slash at its end."""
     return service.settings.root_path.rstrip("/")
+
+
+def checked_form(model: type[Asked], given: Mapping[str, object]) -> Asked:
+    """Return what a form asks for, as the interface for programs would take it; what was left empty is not given."""
+    try:
+        return model.model_validate({name: value for name, value in given.items() if value not in ("", None)})
+    except ValidationError as error:
+        raise validation_problem(error.errors(include_url=False), "The form") from None
 
 
 def lead(service: Service, path: str) -> RedirectResponse:

@@ -18,7 +18,7 @@ from casebase.search.case_table import CaseTable, Mask
 from casebase.search.retrieval import CaseMatrix, Match, NearestByClass, metric_of
 from casebase.search.similarity import Floats
 from signals.features import Extraction, QualityFlag
-from signals.features.meshing import Meshing
+from signals.features.lines import Meshing
 
 DIAGNOSED_FROM = 0.9
 """A label of less probability is `ambiguous`: what is diagnosed is right nine times in ten."""

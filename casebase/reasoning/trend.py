@@ -36,7 +36,7 @@ from casebase.recordings import feature_values
 from casebase.store.models import Extractor, FeatureRow, StoredRecording
 from signals.band import Band
 from signals.features import EXTRACTOR_VERSION
-from signals.features.bands import LogBandEnergies
+from signals.features.levels import LogBandEnergies
 
 Floats = NDArray[np.float64]
 

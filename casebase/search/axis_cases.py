@@ -37,13 +37,13 @@ class Taken:
     label: str | None
 
 
-def cases_of_axes(session: Session) -> Mapping[str, Mapping[str, LabelCases]]:
-    """Return the cases of every axis by label, sorted: two statements, however many axes there are."""
+def cases_of_axes(session: Session) -> Mapping[str | None, Mapping[str, LabelCases]]:
+    """Return the cases of every axis, and of none, by label: two statements, however many axes there are."""
     quarantined = Case.quarantine_reason.is_not(None)
     counted = (
         select(StoredRecording.axis, Case.label, func.count())
         .join(StoredRecording, StoredRecording.id == Case.recording_id)
-        .where(StoredRecording.axis.is_not(None), Case.state == "confirmed")
+        .where(Case.state == "confirmed")
         .group_by(StoredRecording.axis, Case.label)
     )
     measured = (
@@ -52,7 +52,7 @@ def cases_of_axes(session: Session) -> Mapping[str, Mapping[str, LabelCases]]:
         .group_by(StoredRecording.gearbox)
     )
     simulated = counted.add_columns(quarantined).where(Case.origin != MEASURED).group_by(quarantined)
-    found: dict[str, dict[str, LabelCases]] = {}
+    found: dict[str | None, dict[str, LabelCases]] = {}
     for axis, label, count, gearbox in session.execute(measured):
         known = found.setdefault(axis, {}).get(label, LabelCases())
         found[axis][label] = LabelCases(

@@ -57,12 +57,34 @@ class Base(DeclarativeBase):
     }
 
 
-class StoredRecording(Base):
+class Identified:
+    """A row with an id of its own."""
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
+
+
+class Created:
+    """A row that says when it came and who brought it."""
+
+    created_at: Mapped[datetime] = mapped_column(default=now)
+    created_by: Mapped[str] = mapped_column(String(200))
+
+
+class Revision(Created):
+    """One revision of a description by its name; the highest number is the current one."""
+
+    name: Mapped[str] = mapped_column(String(200), primary_key=True)
+    revision: Mapped[int] = mapped_column(primary_key=True)
+    document: Mapped[dict[str, object]]
+    note: Mapped[str | None] = mapped_column(Text)
+    investigation_id: Mapped[str | None] = mapped_column(ForeignKey("investigations.id"))
+
+
+class StoredRecording(Identified, Created, Base):
     """One channel of sound or vibration, how it was taken, and where its bytes lie."""
 
     __tablename__ = "recordings"
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
     fingerprint: Mapped[str] = mapped_column(String(64), unique=True)
     """SHA-256 of the file's bytes, channel and description: the same twice is one recording."""
     samples_sha256: Mapped[str] = mapped_column(String(64), index=True)
@@ -88,8 +110,6 @@ class StoredRecording(Base):
     recorded_at: Mapped[datetime | None]
     description: Mapped[dict[str, object]]
     """Everything that was said of it when it came in."""
-    created_at: Mapped[datetime] = mapped_column(default=now)
-    created_by: Mapped[str] = mapped_column(String(200))
     erased_at: Mapped[datetime | None]
     """Since when the audio is not kept any more; rows, features and audit stay."""
     erased_by: Mapped[str | None] = mapped_column(String(200))
@@ -136,12 +156,11 @@ class Extractor(Base):
     names: Mapped[list[object]]
 
 
-class Case(Base):
+class Case(Identified, Base):
     """A recording with a label: what the library knows."""
 
     __tablename__ = "cases"
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
     key: Mapped[str | None] = mapped_column(String(200), unique=True)
     """Given by whoever generates cases, so that doing it twice makes one."""
     recording_id: Mapped[str] = mapped_column(ForeignKey("recordings.id"))
@@ -183,12 +202,11 @@ class Case(Base):
     }
 
 
-class StoredDiagnosis(Base):
+class StoredDiagnosis(Identified, Created, Base):
     """A diagnosis as it was given, and what became of it."""
 
     __tablename__ = "diagnoses"
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
     recording_id: Mapped[str] = mapped_column(ForeignKey("recordings.id"))
     verdict: Mapped[str] = mapped_column(String(20))
     label: Mapped[str | None] = mapped_column(String(100))
@@ -202,8 +220,6 @@ class StoredDiagnosis(Base):
     revised_by: Mapped[str | None] = mapped_column(String(200))
     revised_at: Mapped[datetime | None]
     version: Mapped[int] = mapped_column(default=1)
-    created_at: Mapped[datetime] = mapped_column(default=now)
-    created_by: Mapped[str] = mapped_column(String(200))
 
     recording: Mapped[StoredRecording] = relationship(lazy="joined", innerjoin=True)
 
@@ -217,44 +233,28 @@ class StoredDiagnosis(Base):
     }
 
 
-class AxisRevision(Base):
+class AxisRevision(Revision, Base):
     """One revision of an axis description; the highest number is the current one."""
 
     __tablename__ = "axes"
     noun: ClassVar = "axis"
 
-    name: Mapped[str] = mapped_column(String(200), primary_key=True)
-    revision: Mapped[int] = mapped_column(primary_key=True)
-    document: Mapped[dict[str, object]]
-    note: Mapped[str | None] = mapped_column(Text)
-    investigation_id: Mapped[str | None] = mapped_column(ForeignKey("investigations.id"))
-    created_at: Mapped[datetime] = mapped_column(default=now)
-    created_by: Mapped[str] = mapped_column(String(200))
 
-
-class RobotRevision(Base):
+class RobotRevision(Revision, Base):
     """One revision of a robot's description with the axes of its joints; the highest number is the current one."""
 
     __tablename__ = "robots"
     noun: ClassVar = "robot"
 
-    name: Mapped[str] = mapped_column(String(200), primary_key=True)
-    revision: Mapped[int] = mapped_column(primary_key=True)
-    document: Mapped[dict[str, object]]
     urdf: Mapped[str] = mapped_column(Text, deferred=True)
     """Its links and joints; what else a URDF has is not kept."""
-    note: Mapped[str | None] = mapped_column(Text)
-    investigation_id: Mapped[str | None] = mapped_column(ForeignKey("investigations.id"))
-    created_at: Mapped[datetime] = mapped_column(default=now)
-    created_by: Mapped[str] = mapped_column(String(200))
 
 
-class StoredInvestigation(Base):
+class StoredInvestigation(Identified, Base):
     """What was given, what came out, and its report."""
 
     __tablename__ = "investigations"
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
     job_id: Mapped[str | None] = mapped_column(String(100), unique=True)
     state: Mapped[str] = mapped_column(String(20), default="queued")
     axis: Mapped[str | None] = mapped_column(String(200), index=True)
@@ -366,12 +366,11 @@ class WorkerLease(Base):
     started_at: Mapped[datetime] = mapped_column(default=now)
 
 
-class MaintenanceMark(Base):
+class MaintenanceMark(Identified, Created, Base):
     """Something that was done to an axis or a gearbox of it: a repair begins a new baseline, an exchange a new one."""
 
     __tablename__ = "maintenance_marks"
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
     axis: Mapped[str] = mapped_column(String(200))
     gearbox: Mapped[str | None] = mapped_column(String(200))
     at: Mapped[datetime]
@@ -380,18 +379,15 @@ class MaintenanceMark(Base):
     successor: Mapped[str | None] = mapped_column(String(200))
     """Of an exchange: what the new gearbox is called, if not as the old one."""
     text: Mapped[str] = mapped_column(Text)
-    created_at: Mapped[datetime] = mapped_column(default=now)
-    created_by: Mapped[str] = mapped_column(String(200))
 
     __table_args__ = (Index("ix_maintenance_marks_axis", "axis", "at"),)
 
 
-class AlarmReceiver(Base):
+class AlarmReceiver(Identified, Created, Base):
     """Where messages go: an e-mail address, a webhook or an MQTT topic."""
 
     __tablename__ = "alarm_receivers"
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
     name: Mapped[str] = mapped_column(String(200))
     kind: Mapped[str] = mapped_column(String(20))
     address: Mapped[str] = mapped_column(Text)
@@ -400,16 +396,13 @@ class AlarmReceiver(Base):
     quiet_from: Mapped[str | None] = mapped_column(String(5))
     quiet_to: Mapped[str | None] = mapped_column(String(5))
     """Quiet hours, HH:MM in the time of the site: messages wait for their end."""
-    created_at: Mapped[datetime] = mapped_column(default=now)
-    created_by: Mapped[str] = mapped_column(String(200))
 
 
-class AlarmRule(Base):
+class AlarmRule(Identified, Created, Base):
     """What somebody is told of: a state of a gearbox, a change of its sound, or its silence."""
 
     __tablename__ = "alarm_rules"
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
     name: Mapped[str] = mapped_column(String(200))
     kind: Mapped[str] = mapped_column(String(20))
     axis: Mapped[str | None] = mapped_column(String(200))
@@ -423,16 +416,13 @@ class AlarmRule(Base):
     silent_days: Mapped[float | None]
     receivers: Mapped[list[object]]
     """Ids of receivers."""
-    created_at: Mapped[datetime] = mapped_column(default=now)
-    created_by: Mapped[str] = mapped_column(String(200))
 
 
-class Alarm(Base):
+class Alarm(Identified, Base):
     """A rule that holds of a gearbox, since when and until when; who was told once is not told again meanwhile."""
 
     __tablename__ = "alarms"
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
     rule_id: Mapped[str] = mapped_column(ForeignKey("alarm_rules.id", ondelete="CASCADE"))
     axis: Mapped[str] = mapped_column(String(200))
     gearbox: Mapped[str] = mapped_column(String(200))
@@ -474,17 +464,14 @@ class Delivery(Base):
     created_at: Mapped[datetime] = mapped_column(default=now)
 
 
-class ApiKey(Base):
+class ApiKey(Identified, Created, Base):
     """A key is known by its SHA-256 alone."""
 
     __tablename__ = "api_keys"
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
     name: Mapped[str] = mapped_column(String(200))
     role: Mapped[str] = mapped_column(String(20))
     key_sha256: Mapped[str] = mapped_column(String(64), unique=True)
-    created_at: Mapped[datetime] = mapped_column(default=now)
-    created_by: Mapped[str] = mapped_column(String(200))
     last_used_at: Mapped[datetime | None]
     revoked_at: Mapped[datetime | None]
 
@@ -507,7 +494,7 @@ class AuditEntry(Base):
     __table_args__ = (Index("ix_audit_subject", "subject_kind", "subject_id", "id"),)
 
 
-class Artifact(Base):
+class Artifact(Created, Base):
     """Something learned, with the score that it earned; at most one of a kind is active."""
 
     __tablename__ = "artifacts"
@@ -518,8 +505,6 @@ class Artifact(Base):
     score: Mapped[float | None]
     score_detail: Mapped[dict[str, object]] = mapped_column(default=dict)
     active: Mapped[bool]
-    created_at: Mapped[datetime] = mapped_column(default=now)
-    created_by: Mapped[str] = mapped_column(String(200))
 
     __table_args__ = (
         Index(

@@ -1,4 +1,4 @@
-"""Features: an explicit catalogue of families, each one file, and `extract` that runs them."""
+"""Features: an explicit catalogue of families, and `extract` that runs them."""
 
 from dataclasses import replace
 
@@ -9,17 +9,10 @@ from signals.analysis import Analysis
 from signals.condition import UNKNOWN, OperatingCondition
 from signals.errors import BrokenAudioError
 from signals.events import Event, EventKind, find_events
-from signals.features.bands import LogBandEnergies
-from signals.features.circumstances import Circumstances
-from signals.features.envelope_lines import EnvelopeLines
-from signals.features.family import FeatureFamily
-from signals.features.impulses import Impulses
-from signals.features.level import Level
-from signals.features.loudness import Loudness
-from signals.features.meshing import Meshing
-from signals.features.modulation import Modulation
-from signals.features.repetition import Repetition
-from signals.features.vector import Extraction, FeatureDefinition, FeatureVector, feature_words
+from signals.features.impacts import Impulses, Repetition
+from signals.features.levels import Circumstances, Level, LogBandEnergies, Loudness
+from signals.features.lines import EnvelopeLines, Meshing, Modulation
+from signals.features.vector import Extraction, FeatureDefinition, FeatureFamily, FeatureVector, feature_words
 from signals.motion import Motion, MotionSource
 from signals.recording import SHORTEST_S, Recording
 from signals.recording_quality.disturbances import flags, survey
@@ -58,7 +51,7 @@ FEATURES: tuple[FeatureFamily, ...] = (
     Loudness(),
     Circumstances(),
 )
-"""The catalogue of feature families; a new family is one file and one line here."""
+"""The catalogue of feature families; a new family is a class beside its like and a line here."""
 
 NAMES: tuple[str, ...] = tuple(entry.name for family in FEATURES for entry in family.definitions)
 

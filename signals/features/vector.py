@@ -1,12 +1,16 @@
-"""The nouns of feature extraction: definition, vector, extraction."""
+"""The nouns of feature extraction: definition, family, vector, extraction."""
 
 import math
 import re
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from signals.analysis import Analysis
 from signals.events import Event
 from signals.motion import Motion
 from signals.recording_quality.quality import QualityFlag, Severity
@@ -100,3 +104,16 @@ class Extraction:
     def usable(self) -> bool:
         """Whether the recording can be diagnosed, if poorly."""
         return self.unusable_reason is None
+
+
+class FeatureFamily(ABC):
+    """Features that share their computation; one subclass per file."""
+
+    definitions: ClassVar[tuple[FeatureDefinition, ...]]
+    of_the_gear: ClassVar[bool] = True
+    """Whether they may say that a gear is unlike any good one; not where they tell of housing and microphone, of one
+    axis alone, or of how well one hears."""
+
+    @abstractmethod
+    def compute(self, analysis: Analysis) -> Sequence[float]:
+        """Return one value per definition, NaN where it cannot be computed."""

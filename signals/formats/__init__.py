@@ -1,16 +1,12 @@
-"""Readers of telemetry tables: one file per format, one line in the catalogue. They run in the limited process."""
+"""Readers of telemetry tables: a function per format, a line in the catalogue. They run in the limited process."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from signals.formats.codesys import open_codesys
 from signals.formats.comma_separated import open_comma_separated
 from signals.formats.layout import Wanted
-from signals.formats.matlab import open_matlab
-from signals.formats.mcap import open_mcap
+from signals.formats.logs import open_codesys, open_matlab, open_mcap, open_parquet, open_tdms
 from signals.formats.open_table import OpenTable
-from signals.formats.parquet import open_parquet
-from signals.formats.tdms import open_tdms
 
 Reader = Callable[[Path, Wanted | None], OpenTable]
 

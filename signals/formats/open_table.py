@@ -1,9 +1,12 @@
 """A table of a file that has been opened, but of which only the names of the columns have been read."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,3 +58,49 @@ class OpenTable:
     rows: Callable[[Sequence[int], Mapping[int, str]], Iterator[Rows]]
     units: tuple[str, ...] = ()
     times: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One column: its name, the unit that the file says (or nothing), and its values, shape (n,), NaN where missing."""
+
+    name: str
+    unit: str
+    values: NDArray[np.float64]
+
+
+def common_length(lengths: Sequence[int], kind: str) -> int:
+    """Return the length that most columns have; of two such lengths the longer one.
+
+    Raises:
+        TelemetryError: if there are no columns of more than one value.
+    """
+    counted = Counter(length for length in lengths if length > 1)
+    if not counted:
+        raise TelemetryError(f"{kind} holds no columns of numbers: every channel has to be an array of its own")
+    return max(counted, key=lambda length: (counted[length], length))
+
+
+def in_memory(columns: Sequence[Column]) -> OpenTable:
+    """Return the table of columns of one length."""
+
+    def rows(places: Sequence[int], _: Container[int]) -> Iterator[Rows]:
+        yield tuple(columns[place].values for place in places)
+
+    return OpenTable(tuple(one.name for one in columns), rows, tuple(one.unit for one in columns))
+
+
+def loaded(module: str, kind: str) -> Any:
+    """Return a module of the extra `logs`.
+
+    `kind`: what the file is, in words.
+
+    Raises:
+        TelemetryError: if it is not installed, with what installs it.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise TelemetryError(
+            f'this is {kind}; what reads it is not installed here: pip install "gearcase[logs]", or export it as CSV'
+        ) from error

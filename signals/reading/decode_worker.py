@@ -280,7 +280,7 @@ def read_wav(file: BinaryIO, size: int, limits: Mapping[str, float]) -> Found:
     recorded_at, device = recorder_tags.from_wav(header.tags)
     if not header.is_plain:
         try:
-            found = read_with_av(wav.RepairedWav(header, file), limits)
+            found = read_with_av(wav.repaired(header, file), limits)
         except UnknownError as error:
             raise wav.WavError(f"its samples are stored in a way that is not known here ({error})") from error
         missing = header.missing_bytes

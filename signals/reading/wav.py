@@ -178,41 +178,12 @@ def looks_like_float(wav: Wav, content: bytes) -> bool:
     return bool(0.05 < negative < 0.95 and large <= 16 and 1e-12 < small < large / 16)
 
 
-class RepairedWav(io.RawIOBase):
-    """A WAV file with a right header before the sound of another, for decoders that trust headers."""
-
-    def __init__(self, wav: Wav, file: BinaryIO) -> None:
-        super().__init__()
-        form = wav.form + bytes(len(wav.form) % 2)
-        body = b"WAVEfmt " + struct.pack("<I", len(form)) + form + b"data" + struct.pack("<I", wav.length)
-        self._head = b"RIFF" + struct.pack("<I", min(len(body) + wav.length, 0xFFFFFFFF)) + body
-        self._file, self._start, self._size = file, wav.start, len(self._head) + wav.length
-        self._place = 0
-
-    def readable(self) -> bool:
-        return True
-
-    def seekable(self) -> bool:
-        return True
-
-    def tell(self) -> int:
-        return self._place
-
-    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
-        origin = {io.SEEK_SET: 0, io.SEEK_CUR: self._place, io.SEEK_END: self._size}[whence]
-        self._place = max(0, origin + offset)
-        return self._place
-
-    def read(self, count: int = -1) -> bytes:
-        left = max(0, self._size - self._place)
-        count = left if count < 0 else min(count, left)
-        if self._place < len(self._head):
-            content = self._head[self._place : self._place + count]
-        else:
-            self._file.seek(self._start + self._place - len(self._head))
-            content = self._file.read(count)
-        self._place += len(content)
-        return content
+def repaired(wav: Wav, file: BinaryIO) -> io.BytesIO:
+    """Return the sound under a right header, for decoders that trust headers."""
+    form = wav.form + bytes(len(wav.form) % 2)
+    body = b"WAVEfmt " + struct.pack("<I", len(form)) + form + b"data" + struct.pack("<I", wav.length)
+    head = b"RIFF" + struct.pack("<I", min(len(body) + wav.length, 0xFFFFFFFF)) + body
+    return io.BytesIO(head + _content(file, wav.start, wav.length))
 
 
 def _head(file: BinaryIO, offset: int, order: str) -> tuple[bytes, int]:

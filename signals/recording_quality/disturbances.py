@@ -13,11 +13,11 @@ import numpy as np
 from signals.analysis import Analysis
 from signals.band import Band
 from signals.condition import OperatingCondition
-from signals.motion import HOP_HZ, Motion
+from signals.motion import HOP_HZ, Motion, Span
 from signals.recording import Recording
 from signals.recording_quality.circumstances import louder_after_start_db, low_band_level_db, standstill_db
 from signals.recording_quality.quality import QualityFlag, Severity, assess, constant_stretches
-from signals.segments import Segments, Span, find_segments
+from signals.segments import Segments, find_segments
 from signals.transients import Event
 
 MOST_LEFT_OUT = 0.5

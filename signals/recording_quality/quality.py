@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from signals import crest
 from signals.analysis import ANALYSIS_RATE_HZ, Analysis
-from signals.motion import CONTRADICTS
+from signals.motion import CONTRADICTS, runs_of
 from signals.reading.live_channel import MAINS_HZ
 from signals.recording import Recording
 from signals.spectra import band_envelope
@@ -123,7 +123,7 @@ def cut_samples(recording: Recording) -> int:
 def _flat_tops(samples: NDArray[np.float32], extreme: np.float32) -> int:
     if extreme == 0:
         return 0
-    starts, ends = _runs(samples == extreme)
+    starts, ends = _edges(samples == extreme)
     before = np.abs(samples[np.maximum(starts - 1, 0)] - extreme)
     after = np.abs(samples[np.minimum(ends, samples.size - 1)] - extreme)
     flat = (ends - starts >= 2) & (np.maximum(before, after) > STEEP * abs(extreme))
@@ -150,7 +150,7 @@ def constant_stretches(recording: Recording) -> tuple[NDArray[np.intp], NDArray[
     """Return first and last (exclusive) sample of stretches of 5 ms and more without any change, shape (k,) each."""
     samples = recording.samples
     shortest = max(16, int(DROPOUT_S * recording.sample_rate_hz))
-    starts, ends = _runs(samples[1:] == samples[:-1])
+    starts, ends = _edges(samples[1:] == samples[:-1])
     long = ends - starts >= shortest - 1
     return starts[long], ends[long] + 1
 
@@ -405,10 +405,7 @@ def assess(analysis: Analysis) -> tuple[QualityFlag, ...]:
     return tuple(replace(flag, duration_s=analysis.duration_s) for flag in found if flag is not None)
 
 
-def _runs(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _edges(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return starts and ends (exclusive) of the stretches where a mask is true, shape (k,) each."""
-    places = np.flatnonzero(mask)
-    breaks = np.flatnonzero(np.diff(places) > 1)
-    starts = places[np.concatenate([[0], breaks + 1])] if places.size else places
-    ends = places[np.concatenate([breaks, [places.size - 1]])] + 1 if places.size else places
-    return starts, ends
+    runs = np.array(runs_of(mask), np.intp).reshape(-1, 2)
+    return runs[:, 0], runs[:, 1]

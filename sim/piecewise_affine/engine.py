@@ -8,16 +8,18 @@ disturbance there: see tests/sim/test_solver.py.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import RunError
-from sim.piecewise_affine.guard import Guards
+from sim.piecewise_affine import kernel
 from sim.piecewise_affine.mode import compile_mode
 from sim.piecewise_affine.mode_search import (
     NO_START,
     Change,
+    Guard,
     broken_away,
     changes,
     combinations_near,
@@ -61,8 +63,6 @@ class _Tables:
     """Arrays of all modes known so far, for the compiled loop; they grow as modes are met."""
 
     def __init__(self, width: int, rows: int, room: int = 16, follow: int = 4) -> None:
-        from sim.piecewise_affine import kernel
-
         self.rows, self.room, self.width = rows, room, width
         self.counts = np.zeros(room, np.int64)
         self.stop_counts = np.zeros(room, np.int64)
@@ -79,21 +79,55 @@ class _Tables:
         self.reaches = np.zeros((room, rows, width))
 
     def grown(self, room: int, rows: int, follow: int) -> "_Tables":
-
+        """The same with room for more."""
         new = _Tables(self.width, rows, room, follow)
-        for name in ("counts", "stop_counts", "enter", "matrices", "steps", "lengths", "rates"):
-            getattr(new, name)[: self.room] = getattr(self, name)
-        new.derivatives[: self.room, :, : self.rows] = self.derivatives
-        new.strict[: self.room, : self.rows] = self.strict
-        new.stops[: self.room, : self.rows] = self.stops
-        new.follow[: self.room, : self.rows + 1, : self.follow.shape[2]] = self.follow
-        new.reaches[: self.room, : self.rows] = self.reaches
-        new.products[: self.room, :, : self.products.shape[2]] = self.products
+        for name, old in vars(self).items():
+            if isinstance(old, np.ndarray):
+                getattr(new, name)[tuple(map(slice, old.shape))] = old
         return new
+
+    def fill(self, number: int, mode: Mode, h: float, moving: int) -> None:
+        """Write a mode, of whose state the first `moving` are angles and speeds, for steps of `h`.
+
+        `products` give, from x, the moving states after 1 .. CHUNK steps, then the signals after the last, then for
+        each inequality its values after these steps. By `reaches` times |x| an inequality changes at most meanwhile: by
+        the largest change of its coefficients, and between samples by their second difference.
+        """
+        holds, matrix, derivatives = mode.holds.rows, mode.matrix, self.derivatives[number]
+        rows, width = holds.shape
+        self.counts[number], self.stop_counts[number] = rows, len(mode.stops)
+        self.strict[number, :rows] = mode.holds.strict
+        self.stops[number, : len(mode.stops)] = mode.stops
+        self.enter[number], self.matrices[number] = mode.enter, matrix
+        self.lengths[number], self.rates[number] = h, mode.rate
+        derivatives[0, :rows] = holds
+        for k in range(1, kernel.DERIVATIVES):
+            parts = derivatives[k - 1, :rows, :, None] * matrix
+            total, size = parts.sum(axis=1), np.abs(parts).sum(axis=1)
+            derivatives[k, :rows] = np.where(np.abs(total) > kernel.CANCELLED * size, total, 0.0)
+        self.steps[number] = step = _exponential(matrix * h)
+        powers = np.array(list(accumulate([step] * kernel.CHUNK, np.dot)))
+        margins = np.concatenate([holds[None], holds @ powers])
+        after = powers[:, :moving].reshape(-1, width), powers[-1, moving:-1]
+        product = np.vstack([*after, np.moveaxis(margins[1:], 1, 0).reshape(-1, width)])
+        self.products[number, :, : len(product)] = product.T
+        bend = np.abs(np.diff(margins, 2, axis=0)).max(axis=0)
+        self.reaches[number, :rows] = np.abs(margins[1:] - holds).max(axis=0) + bend
 
     @property
     def for_switch(self) -> tuple[NDArray[np.generic], ...]:
         return (self.counts, self.derivatives, self.strict, self.stops, self.stop_counts, self.enter, self.follow)
+
+
+def _exponential(matrix: Array) -> Array:
+    """Taylor series and squaring: the matrices are small, and scipy's own starts threads for them."""
+    squarings = max(0, int(np.ceil(np.log2(max(np.abs(matrix).sum(axis=1).max(), 1e-300)))) + 1)
+    part = matrix / 2.0**squarings
+    terms = accumulate(range(1, 20), lambda term, k: term @ part / k, initial=np.eye(len(matrix)))
+    out = np.sum(list(terms), axis=0)
+    for _ in range(squarings):
+        out = out @ out
+    return np.asarray(out)
 
 
 class ExactEngine:
@@ -101,7 +135,7 @@ class ExactEngine:
 
     def __init__(self, system: System, sample_rate_hz: float) -> None:
         self.system = system
-        self.guards = Guards(system)
+        self.guards = [Guard.of(system, i) for i in range(len(system.components))]
         self.h = 1.0 / sample_rate_hz
         self.verifier = Verifier(system, self.h)
         self.modes: list[Mode] = []
@@ -125,40 +159,20 @@ class ExactEngine:
         return self._numbers[key]
 
     def _store(self, mode: Mode) -> int:
-        from sim.piecewise_affine import kernel
-
         number, rows, tables = len(self.modes), len(mode.holds.rows), self._tables
         most = max(rows, len(mode.stops))
         if number >= tables.room or most > tables.rows:
             room = 2 * tables.room if number >= tables.room else tables.room
             tables = self._tables = tables.grown(room, max(tables.rows, most), tables.follow.shape[2])
-        rate = mode.rate
-        parts = max(1, int(np.ceil(rate * self.h / LARGEST_ANGLE)))
+        parts = max(1, int(np.ceil(mode.rate * self.h / LARGEST_ANGLE)))
         if parts > 1_000_000:
-            raise RunError(f"a time constant of {1 / rate:g} s is too short for a sample interval of {self.h:g} s")
-        length = self.h / parts
-        tables.counts[number], tables.stop_counts[number] = rows, len(mode.stops)
-        tables.strict[number, :rows] = mode.holds.strict
-        tables.stops[number, : len(mode.stops)] = mode.stops
-        tables.enter[number], tables.matrices[number] = mode.enter, mode.matrix
-        tables.lengths[number], tables.rates[number] = length, rate
-        kernel.prepare(
-            np.ascontiguousarray(mode.matrix),
-            np.ascontiguousarray(mode.holds.rows),
-            length,
-            2 * self.system.freedom,
-            tables.derivatives[number],
-            tables.products[number],
-            tables.reaches[number],
-            tables.steps[number],
-        )
+            raise RunError(f"a time constant of {1 / mode.rate:g} s is too short for a sample interval of {self.h:g} s")
+        tables.fill(number, mode, self.h / parts, 2 * self.system.freedom)
         self.modes.append(mode)
         return number
 
     def _holds(self, number: int, x: Array, scale: Array) -> Array | None:
         """The state after entering the mode at x, or None if the mode does not hold there."""
-        from sim.piecewise_affine import kernel
-
         t = self._tables
         if not kernel.resting(x, scale, t.stops[number], t.stop_counts[number]):
             return None
@@ -226,8 +240,6 @@ class ExactEngine:
         self, x: Array, scale: Array, mode: int, out: Array, modes: NDArray[np.int32]
     ) -> tuple[Array, NDArray[np.int64]]:
         """Fill the samples after the first, x being its state; return all changes of mode."""
-        from sim.piecewise_affine import kernel
-
         count = len(out)
         where, offsets, values = self._stops(count)
         state = np.array([0, mode, 0, 0, -1, 0, 0], np.int64)

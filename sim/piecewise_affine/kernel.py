@@ -1,7 +1,7 @@
 """Compiled inner loop of the exact engine: x' = M x from event to event, samples on an even grid.
 
-Importing this module imports numba; `sim.piecewise_affine.engine` does so at the first simulation. All functions stay
-in this file because numba's cache does not see changes in callees of other files.
+Importing this module imports numba. All functions stay in this file because numba's cache does not see changes in
+callees of other files.
 """
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call"
@@ -37,84 +37,6 @@ MAX_EVENTS = 2000
 SAMPLE, MODE, STOP, LOGGED, ROW, EVENTS, CHECK = range(7)
 
 _jit = njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"}, nogil=True)
-
-
-@_jit
-def exponential(matrix, h):
-    """expm(matrix h) by Taylor series and squaring."""
-    n = matrix.shape[0]
-    norm = 0.0
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += abs(matrix[i, j])
-        norm = max(norm, total * h)
-    squarings = 0
-    while norm > 0.5:
-        norm *= 0.5
-        squarings += 1
-    step = h / 2.0**squarings
-    out = np.eye(n)
-    term = np.eye(n)
-    for k in range(1, 20):
-        term = np.dot(term, matrix) * (step / k)
-        out += term
-    for _ in range(squarings):
-        out = np.dot(out, out)
-    return out
-
-
-@_jit
-def differentiate(matrix, holds, derivatives):
-    """Rows of the time derivatives of inequalities; a coefficient that cancels to rounding is exactly zero."""
-    rows, n = holds.shape
-    derivatives[0, :rows, :] = holds
-    for k in range(1, DERIVATIVES):
-        for r in range(rows):
-            for j in range(n):
-                total = 0.0
-                size = 0.0
-                for i in range(n):
-                    part = derivatives[k - 1, r, i] * matrix[i, j]
-                    total += part
-                    size += abs(part)
-                derivatives[k, r, j] = total if abs(total) > CANCELLED * size else 0.0
-
-
-@_jit
-def prepare(matrix, holds, h, moving, derivatives, product, reach, step):
-    """Fill the tables of a mode: derivatives of its inequalities, the step matrix, the product of a chunk.
-
-    The product gives, from x, the first `moving` states after 1 .. CHUNK steps, then the signals after the last, then
-    for each inequality its values after these steps. By `reach` times |x| an inequality changes at most meanwhile: by
-    the largest change of its coefficients, and between samples by their second difference.
-    """
-    n, rows = matrix.shape[0], holds.shape[0]
-    differentiate(matrix, holds, derivatives)
-    step[:, :] = exponential(matrix, h)
-    power = np.eye(n)
-    first = CHUNK * moving + n - 1 - moving
-    margins = np.empty((CHUNK + 1, rows, n))
-    margins[0] = holds
-    for c in range(CHUNK):
-        power = np.dot(power, step)
-        margins[c + 1] = np.dot(holds, power)
-        for j in range(n):
-            for i in range(moving):
-                product[j, c * moving + i] = power[i, j]
-            for r in range(rows):
-                product[j, first + CHUNK * r + c] = margins[c + 1, r, j]
-    for j in range(n):
-        for i in range(moving, n - 1):
-            product[j, CHUNK * moving + i - moving] = power[i, j]
-        for r in range(rows):
-            change = 0.0
-            bend = 0.0
-            for c in range(1, CHUNK + 1):
-                change = max(change, abs(margins[c, r, j] - holds[r, j]))
-                if c > 1:
-                    bend = max(bend, abs(margins[c, r, j] - 2.0 * margins[c - 1, r, j] + margins[c - 2, r, j]))
-            reach[r, j] = change + bend
 
 
 @_jit

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from app.axes.axis_templates import TEMPLATES
-from app.axes.axis_units import UNITS, in_si
+from app.axes import TEMPLATES, UNITS, in_si
 from app.web.pages.describe import described, filled
 from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.live import gearcase

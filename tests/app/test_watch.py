@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -101,9 +102,9 @@ def test_a_file_that_grows_is_not_finished(tmp_path: Path) -> None:
     path.write_bytes(content)
     assert list(watched.look()) == []
     time.sleep(0.06)
-    (found,) = watched.look()
-    assert found.path == path
-    watched.memory.add(found.sent("1"))
+    ((found, sent),) = watched.look()
+    assert found == path
+    watched.memory.add(replace(sent, diagnosis_id="1"))
     assert list(watched.look()) == []
 
 

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from signals import crest
-from signals.filters import low_pass
-from signals.spectra import long_spectrum
+from signals.spectra import long_spectrum, low_pass
 
 RATE_HZ = 8000.0
 

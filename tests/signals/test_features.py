@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from signals.condition import OperatingCondition
 from signals.errors import BrokenAudioError
 from signals.features import EXTRACTOR_VERSION, FEATURES, FeatureFamily, catalogue, extract
-from signals.features.circumstances import Circumstances
+from signals.features.levels import Circumstances
 from signals.recording import Recording
 from tests.signals.synthetic import RATE_HZ, Joint, sound
 

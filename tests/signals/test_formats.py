@@ -13,7 +13,7 @@ from scipy import io
 from signals.columns.table_kinds import BINARY, binary_endings
 from signals.errors import TelemetryError
 from signals.formats import READERS
-from signals.formats.extra import loaded
+from signals.formats.open_table import loaded
 from signals.telemetry import Telemetry, read_telemetry, recognise_columns
 
 ROWS = 300

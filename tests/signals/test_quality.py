@@ -132,3 +132,9 @@ def test_one_of_several_channels_is_said() -> None:
     extraction = flagged(GOOD, channels=4)
     assert flags(extraction) == {"channel_choice": Severity.NOTE}
     assert "channel 0 of 0 to 3" in extraction.quality[0].reason
+
+
+def test_a_recording_of_lost_samples_alone_is_refused_in_words() -> None:
+    lost = flagged(np.concatenate([[0.1, -0.2, 0.3], np.zeros(2400), [0.1, -0.2, 0.3]]))
+    assert not lost.usable
+    assert flags(lost)["dropouts"] is Severity.UNUSABLE

@@ -8,7 +8,7 @@ import soundfile
 
 from signals.analysis import Analysis
 from signals.condition import UNKNOWN
-from signals.half_cycle import reversal_times_s
+from signals.motion import reversal_times_s
 from signals.recording import Recording
 from signals.telemetry import read_telemetry
 from tests.shared_data import shared

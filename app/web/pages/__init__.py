@@ -4,7 +4,8 @@ from fastapi import APIRouter, FastAPI
 from fastapi.staticfiles import StaticFiles
 
 from app.report.formatting import STATIC
-from app.web.errors import sign_in_first
+from app.web.errors import ask_which_label, sign_in_first
+from app.web.labels import LabelQuestion
 from app.web.page import SignInNeeded
 from app.web.pages import (
     admin,
@@ -49,3 +50,4 @@ def add_pages(app: FastAPI) -> None:
         app.include_router(router, include_in_schema=False)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     app.add_exception_handler(SignInNeeded, sign_in_first)
+    app.add_exception_handler(LabelQuestion, ask_which_label)

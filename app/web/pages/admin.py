@@ -6,14 +6,13 @@ from typing import Annotated
 
 from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import Response
-from pydantic import ValidationError
 
 from app.documents import KeyRequest
 from app.http import keys
-from app.http.errors import Unprocessable, validation_problem
+from app.http.errors import Unprocessable
 from app.http.keys import Role
 from app.service import Reading, TheJobs, TheService
-from app.web.page import FromOurPage, PageAdmin, PageOperator, lead, render
+from app.web.page import FromOurPage, PageAdmin, PageOperator, checked_form, lead, render
 from casebase.store import audit
 
 router = APIRouter()
@@ -67,10 +66,7 @@ def key_create(
     """Make a key and show it, this once."""
     if role not in list(Role):
         raise Unprocessable(f"The role must be one of {', '.join(Role)}, got {role!r}.")
-    try:
-        asked = KeyRequest(name=name, role=Role(role))
-    except ValidationError as error:
-        raise validation_problem(error.errors(include_url=False), "The form") from None
+    asked = checked_form(KeyRequest, {"name": name, "role": role})
     with service.library.transaction(principal.actor) as session:
         _, key = keys.create_key(session, name=asked.name, role=asked.role)
     with service.library.reading() as session:

@@ -1,24 +1,31 @@
 """Alarms, for admins: what stands, rules, receivers, and what became of each message."""
 
-from collections.abc import Mapping
-from typing import Annotated, TypeVar
+from collections.abc import Callable
+from typing import Annotated
 
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import Response
-from pydantic import BaseModel, ValidationError
+from sqlalchemy.orm import Session
 
 from app.alarms.message import message_of
 from app.api.alarms import ReceiverRequest, RuleRequest
-from app.http.errors import Unprocessable, validation_problem
+from app.http.errors import NotFound, Unprocessable
 from app.report.words import VERDICTS
 from app.service import Reading, Service, TheService
-from app.web.page import FromOurPage, PageAdmin, lead, render
+from app.web.page import FromOurPage, PageAdmin, checked_form, lead, render
+from app.web.pages.diagnoses import number
 from casebase.alarms import outbox, rules
 
 router = APIRouter(prefix="/alarms")
 SECTION = "/alarms"
 SHOWN = 50
-Asked = TypeVar("Asked", bound=BaseModel)
+CHANGES: dict[tuple[str, str], tuple[Callable[[Session, str], object], str]] = {
+    ("receivers", "test"): (outbox.post_test, "#outbox"),
+    ("receivers", "remove"): (outbox.remove_receiver, ""),
+    ("rules", "remove"): (rules.remove_rule, ""),
+    ("deliveries", "retry"): (outbox.send_again, "#outbox"),
+}
+"""What is done to one row of the page, by what it is and what its button says: with it, and where it leads."""
 OptionalText = Annotated[str, Form()]
 
 
@@ -63,31 +70,15 @@ def create_receiver(
 ) -> Response:
     """Make a receiver; the secret of a webhook is shown this once."""
     given = {"name": name, "kind": kind, "address": address.strip(), "quiet_from": quiet_from, "quiet_to": quiet_to}
-    asked = _asked(ReceiverRequest, given)
+    asked = checked_form(ReceiverRequest, given)
     with service.library.transaction(principal.actor) as session:
         row = outbox.add_receiver(session, asked.name, asked.kind, asked.address, asked.quiet)
         secret = row.secret
     if secret is None:
-        return _back(service)
+        return lead(service, SECTION)
     with service.library.reading() as session:
         context = _context(session, service, secret)
         return render(request, "alarms.html", context, principal=principal, section=SECTION)
-
-
-@router.post("/receivers/{receiver_id}/test", dependencies=[FromOurPage])
-def send_test(service: TheService, principal: PageAdmin, receiver_id: str) -> Response:
-    """Send a test."""
-    with service.library.transaction(principal.actor) as session:
-        outbox.post_test(session, receiver_id)
-    return _back(service, "#outbox")
-
-
-@router.post("/receivers/{receiver_id}/remove", dependencies=[FromOurPage])
-def remove_receiver(service: TheService, principal: PageAdmin, receiver_id: str) -> Response:
-    """Remove a receiver that no rule names."""
-    with service.library.transaction(principal.actor) as session:
-        outbox.remove_receiver(session, receiver_id)
-    return _back(service)
 
 
 @router.post("/rules", dependencies=[FromOurPage])
@@ -109,7 +100,7 @@ def create_rule(
     if not receivers:
         raise Unprocessable("Say who is told: tick a receiver. Without one, make one first.")
     per_cent, mrad = _number("How sure [%]", least_probability), _number("The size [mrad]", least_size_mrad)
-    asked = _asked(
+    asked = checked_form(
         RuleRequest,
         {
             "name": name,
@@ -126,40 +117,19 @@ def create_rule(
     )
     with service.library.transaction(principal.actor) as session:
         rules.add_rule(session, asked.name, asked.condition(), asked.receivers)
-    return _back(service)
+    return lead(service, SECTION)
 
 
-@router.post("/rules/{rule_id}/remove", dependencies=[FromOurPage])
-def remove_rule(service: TheService, principal: PageAdmin, rule_id: str) -> Response:
-    """Remove a rule."""
+@router.post("/{noun}/{identity}/{verb}", dependencies=[FromOurPage])
+def change(service: TheService, principal: PageAdmin, noun: str, identity: str, verb: str) -> Response:
+    """Send a test to a receiver or what was given up again; remove a receiver that no rule names, or a rule."""
+    done = CHANGES.get((noun, verb))
+    if done is None:
+        raise NotFound(f"Nothing is called {verb!r} of {noun}.")
     with service.library.transaction(principal.actor) as session:
-        rules.remove_rule(session, rule_id)
-    return _back(service)
-
-
-@router.post("/deliveries/{delivery_id}/retry", dependencies=[FromOurPage])
-def send_again(service: TheService, principal: PageAdmin, delivery_id: str) -> Response:
-    """Send again what was given up."""
-    with service.library.transaction(principal.actor) as session:
-        outbox.send_again(session, delivery_id)
-    return _back(service, "#outbox")
-
-
-def _asked(model: type[Asked], given: Mapping[str, object]) -> Asked:
-    try:
-        return model.model_validate({name: value for name, value in given.items() if value not in ("", None)})
-    except ValidationError as error:
-        raise validation_problem(error.errors(include_url=False), "The form") from None
+        done[0](session, identity)
+    return lead(service, f"/alarms{done[1]}")
 
 
 def _number(label: str, text: str) -> float | None:
-    if not text.strip():
-        return None
-    try:
-        return float(text.replace(",", "."))
-    except ValueError:
-        raise Unprocessable(f"{label} must be a number such as 2.5, got {text!r}.") from None
-
-
-def _back(service: Service, anchor: str = "") -> Response:
-    return lead(service, f"/alarms{anchor}")
+    return number(label, text) if text.strip() else None

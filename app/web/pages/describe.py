@@ -8,8 +8,7 @@ from urllib.parse import quote
 from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import Response
 
-from app.axes.axis_templates import TEMPLATES
-from app.axes.axis_units import in_si, units_of
+from app.axes import TEMPLATES, in_si, units_of
 from app.http.errors import Unprocessable
 from app.http.security import Principal
 from app.service import Reading, Service, TheService

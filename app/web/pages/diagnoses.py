@@ -1,8 +1,9 @@
 """Diagnoses: the list, a new one, one of them, what a person says of it, its report."""
 
 import json
+from collections.abc import Mapping
 from shlex import quote
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import Response
@@ -11,9 +12,9 @@ from sqlalchemy import select
 from app.http.concurrency_limiter import ReadingLimit
 from app.http.errors import Forbidden, Unprocessable
 from app.http.security import Principal, Role, check_csrf
-from app.http.uploads import TheUpload
+from app.http.uploads import TheUpload, Upload
 from app.investigations import investigations_from
-from app.recordings.intake import take_in
+from app.recordings.intake import Intake, take_in
 from app.recordings.metadata import RecordingMetadata, read_metadata
 from app.report.diagnosis_view import diagnosis_html, view_of
 from app.report.self_contained import self_contained
@@ -21,7 +22,7 @@ from app.report.steps import told as told_step
 from app.report.words import VERDICTS, how_sure, investigation_headline, verdict_word
 from app.service import Reading, Service, TheService
 from app.web.counted import counts_of
-from app.web.labels import VERIFICATIONS, LabelQuestion, Verified, choices, chosen
+from app.web.labels import VERIFICATIONS, LabelGiven, Verified, choices
 from app.web.page import (
     FromOurPage,
     Message,
@@ -34,7 +35,7 @@ from app.web.page import (
     lead,
     render,
 )
-from app.web.pages.queue import ask, number_of, reason_words
+from app.web.pages.queue import number_of, reason_words
 from app.web.pages.recordings import demo_ids
 from casebase.axes import find_axis
 from casebase.cycle.retain import is_undone
@@ -46,6 +47,7 @@ from casebase.store.models import Case, StoredDiagnosis
 router = APIRouter()
 FILTERS = (("", "All"), *VERDICTS.items())
 LONGEST_VERIFICATION = 500
+Known = TypeVar("Known", bound=RecordingMetadata)
 NUMBERS = {"speed_rad_s": "The largest speed of the output [rad/s]", "payload_kg_m2": "The payload [kg m²]"}
 
 
@@ -89,14 +91,21 @@ def upload(request: Request, principal: PageOperator, upload: TheUpload, service
     """Take a recording in and diagnose it."""
     check_csrf(request, upload.fields.get("csrf", ""))
     upload.only("file", "csrf", "axis", "gearbox", "recorded_at", *NUMBERS)
-    metadata = read_metadata(json.dumps(told(upload.fields, "recorded_at")), RecordingMetadata)
-    file = upload.file("file")
-    intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
+    intake = taken_in(service, upload, told(upload.fields, "recorded_at"), RecordingMetadata)[0]
     with service.library.transaction(principal.actor) as session:
         diagnosis = intake.diagnose(service.library, session)
         identity = diagnosis.id
     service.metrics.diagnoses.labels(diagnosis.verdict, diagnosis.label or "").inc()
     return lead(service, f"/diagnoses/{identity}")
+
+
+def taken_in(
+    service: Service, upload: Upload, fields: Mapping[str, object], model: type[Known]
+) -> tuple[Intake, Known]:
+    """Take the recording of a form in, with what the form says of it."""
+    metadata: Known = read_metadata(json.dumps(fields), model)
+    file = upload.file("file")
+    return take_in(service.library, file.path, file.name, file.media_type, metadata), metadata
 
 
 def told(fields: dict[str, str], *words: str) -> dict[str, object]:
@@ -203,14 +212,11 @@ def file_argument(name: str) -> str:
 
 @router.post("/diagnoses/{diagnosis_id}/revise", dependencies=[FromOurPage])
 def revise(
-    request: Request,
     service: TheService,
     principal: PageOperator,
     diagnosis_id: str,
     verdict: Annotated[str, Form()],
-    label: Annotated[str, Form()] = "",
-    another: Annotated[str, Form()] = "",
-    sure: Annotated[str, Form()] = "",
+    label: LabelGiven,
     verified_by: Annotated[str, Form()] = "",
     verification: Annotated[Verified, Form()] = "",
     keep: Annotated[str, Form()] = "",
@@ -223,14 +229,7 @@ def revise(
     if keeping:
         may_keep(principal)
         said_how(verification)
-    with service.library.reading() as session:
-        known = {each for each, _ in counts_of(service.library, session)}
-    try:
-        right = chosen(label, another, bool(sure), known) if verdict == "corrected" else None
-    except LabelQuestion as question:
-        given = {"verdict": verdict, "verified_by": verified_by, "verification": verification}
-        given |= {"keep": keep, "queue": queue}
-        return ask(request, principal, question, f"/diagnoses/{diagnosis_id}/revise", list(given.items()))
+    right = label() if verdict == "corrected" else None
     name = step_name()
     place = place_in(queue_of(service), diagnosis_id) if queue else None
     with service.library.transaction(principal.actor, name) as session:

@@ -1,6 +1,5 @@
 """The first hour on one's own axis: describe it, record it, simulate its cases, see how well the library does there."""
 
-import json
 from collections.abc import Mapping
 from typing import Annotated
 from urllib.parse import quote
@@ -9,13 +8,12 @@ from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import Response
 
 from app.api.simulations import SimulationRequest, campaign_of
-from app.axes.axis_templates import TEMPLATES
+from app.axes import TEMPLATES
 from app.background_cache import Pending
 from app.http.errors import Unprocessable
 from app.http.security import check_csrf
 from app.http.uploads import TheUpload
-from app.recordings.intake import take_in
-from app.recordings.metadata import RecordingMetadata, read_metadata
+from app.recordings.metadata import RecordingMetadata
 from app.report.disturbed import Flag, flags_of
 from app.report.steps import told as told_step
 from app.report.words import verdict_of
@@ -23,11 +21,11 @@ from app.service import Reading, Service, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
 from app.web.counted import counted, counts_of
 from app.web.first_hour import Hour, axis_cases, known_of_axis, obstacles
-from app.web.labels import VERIFICATIONS, LabelQuestion, choices, chosen
+from app.web.labels import VERIFICATIONS, LabelQuestion, choices, label_given
 from app.web.page import FromOurPage, Message, PageAdmin, PageOperator, PageViewer, lead, render
 from app.web.pages.axes import check_known
 from app.web.pages.care import MOST_AT_ONCE
-from app.web.pages.diagnoses import NUMBERS, may_keep, said_how, told
+from app.web.pages.diagnoses import NUMBERS, may_keep, said_how, taken_in, told
 from app.web.pages.queue import number_of
 from casebase.axes import find_axis, list_axes
 from casebase.diagnoses import revise_diagnosis
@@ -124,19 +122,15 @@ def record(request: Request, principal: PageOperator, upload: TheUpload, service
     verification = upload.fields.get("verification") or None
     with service.library.reading() as session:
         check_known(session, name)
-        known = {one for one, _ in counts_of(service.library, session)}
     if label:
         may_keep(principal)
         said_how(verification)
         try:
-            label = chosen(label, "", False, known)
+            label = label_given(service, label)()
         except LabelQuestion as question:
             raise Unprocessable(f"{question}. Choose one of the list.") from None
     fields = {**told(upload.fields, "recorded_at"), "axis": name}
-    file = upload.file("file")
-    intake = take_in(
-        service.library, file.path, file.name, file.media_type, read_metadata(json.dumps(fields), RecordingMetadata)
-    )
+    intake, _ = taken_in(service, upload, fields, RecordingMetadata)
     step = step_name()
     with service.library.transaction(principal.actor, step) as session:
         diagnosis = intake.diagnose(service.library, session)

@@ -68,7 +68,7 @@ def fleet(
             (row, state_badge(row.standing, at), why(row.standing, zone, told), next_steps(row.standing, told)[0])
             for row, told in zip(rows, said, strict=True)
         ],
-        "known": {axis: known_of_axis(of_axes.get(axis or "", {})) for axis in {row.axis for row in rows}},
+        "known": {axis: known_of_axis(of_axes.get(axis, {}) if axis else {}) for axis in {row.axis for row in rows}},
         "counts": [(each, WORDS[each], counts[each]) for each in State if counts[each]],
         "state": state,
         "first": first,

@@ -1,37 +1,34 @@
 """The library: cases in a table, coverage, one case with its history, several edited together."""
 
-import json
-from collections import Counter
+from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import Response
-from sqlalchemy import func, select
-from sqlalchemy.orm import Session
+from sqlalchemy import select
 
 from app.background_cache import Pending
 from app.http.concurrency_limiter import ReadingLimit
 from app.http.errors import Conflict, Unprocessable
 from app.http.security import check_csrf
 from app.http.uploads import TheUpload
-from app.recordings.intake import take_in
-from app.recordings.metadata import CaseMetadata, read_metadata
+from app.recordings.metadata import CaseMetadata
 from app.report.formatting import sentence
 from app.report.recorded import chart_of, features_of
 from app.report.steps import told as told_step
 from app.service import Reading, Service, TheService
-from app.web.counted import counted, counts_of, of_library
-from app.web.labels import VERIFICATIONS, LabelQuestion, choices, damage_of
-from app.web.labels import chosen as chosen_label
+from app.web.counted import counts_of, of_library
+from app.web.first_hour import axis_cases
+from app.web.labels import VERIFICATIONS, LabelGiven, LabelQuestion, choices, damage_of, label_given
 from app.web.page import FromOurPage, Message, PageAdmin, PageViewer, lead, render, waiting_page
-from app.web.pages.diagnoses import number, said_how, told
-from app.web.pages.queue import ask, number_of
+from app.web.pages.diagnoses import number, said_how, taken_in, told
+from app.web.pages.queue import number_of
 from casebase.axes import find_axis, is_axis, unknown_axis
-from casebase.origins import MEASURED
 from casebase.reasoning.evaluation import Evaluation
+from casebase.search.axis_cases import LabelCases
 from casebase.search.case_filter import CaseFilter
 from casebase.steps import last_step, newest_of, step_name
-from casebase.store.models import Case, StoredRecording
+from casebase.store.models import Case
 from casebase.teaching import Teaching, teaching
 from signals.features import catalogue
 
@@ -39,7 +36,6 @@ router = APIRouter()
 SECTION = "/library"
 TAUGHT = "What this case taught the library"
 KEPT = "Kept as a case of the library."
-AXES_AND_LABELS = 400
 
 
 @router.get("/library")
@@ -86,37 +82,30 @@ def cases(
 
 @router.post("/library/change", dependencies=[FromOurPage])
 def change_several(
-    request: Request,
     service: TheService,
     principal: PageAdmin,
     action: Annotated[str, Form()],
+    label: LabelGiven,
     case_id: Annotated[list[str] | None, Form()] = None,
-    label: Annotated[str, Form()] = "",
-    another: Annotated[str, Form()] = "",
-    sure: Annotated[str, Form()] = "",
 ) -> Response:
     """Retire, restore, release or label all chosen cases together, or none of them."""
     chosen_ids = list(dict.fromkeys(case_id or []))
     if not chosen_ids:
         raise Unprocessable("No case was chosen: tick the cases first.")
-    given = [("action", action), *(("case_id", one) for one in chosen_ids)]
-    try:
-        right = _right_label(service, label, another, sure) if action == "label" else ""
-    except LabelQuestion as question:
-        return ask(request, principal, question, "/library/change", given)
+    revise = service.library.revise
+    actions: dict[str, Callable[..., object]] = {
+        "retire": revise.retire,
+        "restore": revise.restore,
+        "release": revise.release,
+        "label": revise.case,
+    }
+    if action not in actions:
+        raise Unprocessable(f"Unknown action {action!r}; known: {', '.join(actions)}.")
+    given = [{"label": label()}] if action == "label" else []
     name = step_name()
     with service.library.transaction(principal.actor, name) as session:
         for one in chosen_ids:
-            if action == "retire":
-                service.library.revise.retire(session, one)
-            elif action == "restore":
-                service.library.revise.restore(session, one)
-            elif action == "release":
-                service.library.revise.release(session, one)
-            elif action == "label":
-                service.library.revise.case(session, one, {"label": right})
-            else:
-                raise Unprocessable(f"Unknown action {action!r}; known: retire, restore, release, label.")
+            actions[action](session, one, *given)
         session.flush()
         step = newest_of(session, name)
     return _changed(service, step)
@@ -124,19 +113,13 @@ def change_several(
 
 @router.post("/library/rename", dependencies=[FromOurPage])
 def rename(
-    request: Request,
     service: TheService,
     principal: PageAdmin,
     old: Annotated[str, Form()],
-    label: Annotated[str, Form()] = "",
-    another: Annotated[str, Form()] = "",
-    sure: Annotated[str, Form()] = "",
+    label: LabelGiven,
 ) -> Response:
     """Give all cases of a label another one, retired ones too."""
-    try:
-        right = _right_label(service, label, another, sure)
-    except LabelQuestion as question:
-        return ask(request, principal, question, "/library/rename", [("old", old)])
+    right = label()
     name = step_name()
     with service.library.transaction(principal.actor, name) as session:
         for one in session.scalars(select(Case.id).where(Case.label == old)).all():
@@ -144,11 +127,6 @@ def rename(
         session.flush()
         step = newest_of(session, name)
     return _changed(service, step)
-
-
-def _right_label(service: Service, label: str, another: str, sure: str) -> str:
-    with service.library.reading() as session:
-        return chosen_label(label, another, bool(sure), {one for one, _ in counts_of(service.library, session)})
 
 
 def _changed(service: Service, step: int | None) -> Response:
@@ -172,12 +150,10 @@ def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheS
         fields["size_rad"] = number("The size of the fault [rad]", size)
     another, sure = upload.fields.get("another", ""), upload.fields.get("sure", "")
     try:
-        fields["label"] = _right_label(service, upload.fields.get("label", ""), another, sure)
+        fields["label"] = label_given(service, upload.fields.get("label", ""), another, sure)()
     except LabelQuestion as question:
         raise Unprocessable(f"{question}. Go back and choose that one, or tick that it is a new label.") from None
-    metadata = read_metadata(json.dumps(fields), CaseMetadata)
-    file = upload.file("file")
-    intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
+    intake, metadata = taken_in(service, upload, fields, CaseMetadata)
     with service.library.transaction(principal.actor, step_name()) as session:
         row = intake.store(service.library, session)
         labelling = metadata.labelling()
@@ -188,33 +164,11 @@ def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheS
 @router.get("/library/coverage")
 def coverage(request: Request, session: Reading, service: TheService, principal: PageViewer) -> Response:
     """How many cases there are of every label, per axis and origin, and where there are none."""
-    context = {"rows": counted(service.library, session, "coverage", lambda: covered(session))}
-    return render(request, "coverage.html", context, principal=principal, section=SECTION)
-
-
-def covered(session: Session) -> list[tuple[str, str, int, int, int]]:
-    """Return (axis, label, measured, simulated, measured gearboxes) for every axis and every label of the library."""
-    statement = (
-        select(
-            StoredRecording.axis, Case.label, Case.origin, func.count(), func.count(StoredRecording.gearbox.distinct())
-        )
-        .join(StoredRecording, StoredRecording.id == Case.recording_id)
-        .where(Case.state == "confirmed", Case.quarantine_reason.is_(None))
-        .group_by(StoredRecording.axis, Case.label, Case.origin)
-        .limit(AXES_AND_LABELS)
-    )
-    counted: Counter[tuple[str, str, str]] = Counter()
-    gearboxes: Counter[tuple[str, str]] = Counter()
-    for axis, label, origin, count, units in session.execute(statement).all():
-        counted[axis or "not given", label, origin] += count
-        gearboxes[axis or "not given", label] += units if origin == MEASURED else 0
-    axes = sorted({axis for axis, _, _ in counted})
-    labels = sorted({label for _, label, _ in counted} | {"normal", "notch", "play"})
-    return [
-        (axis, label, counted[axis, label, "measured"], counted[axis, label, "simulated"], gearboxes[axis, label])
-        for axis in axes
-        for label in labels
-    ]
+    known = axis_cases(service, session)
+    labels = sorted({label for of in known.values() for label in of} | {"normal", "notch", "play"})
+    axes = sorted(known, key=lambda axis: axis or "")
+    rows = [(axis, label, known[axis].get(label, LabelCases())) for axis in axes for label in labels]
+    return render(request, "coverage.html", {"rows": rows}, principal=principal, section=SECTION)
 
 
 @router.get("/cases/{case_id}/taught", dependencies=[ReadingLimit])

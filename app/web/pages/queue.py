@@ -1,7 +1,6 @@
 """What needs a person, one after the other; and every step that somebody took, taken back."""
 
 from collections import Counter
-from collections.abc import Sequence
 from typing import Annotated
 
 from fastapi import APIRouter, Form, Request
@@ -9,11 +8,10 @@ from fastapi.responses import Response
 from sqlalchemy import select
 
 from app.http.errors import Forbidden
-from app.http.security import Principal, Role
+from app.http.security import Role
 from app.report.steps import told
 from app.report.words import how_sure, is_compared, name_of, names_fault, verdict_of
 from app.service import Reading, TheService
-from app.web.labels import LabelQuestion
 from app.web.page import FromOurPage, PageOperator, PageViewer, lead, render
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import NamedFault
@@ -74,18 +72,6 @@ def number_of(request: Request, name: str) -> int | None:
     """Return a number from the address of a page; None where there is none."""
     text = request.query_params.get(name, "")
     return min(int(text), LARGEST_NUMBER) if text.isascii() and text.isdigit() and len(text) < 12 else None
-
-
-def ask(
-    request: Request,
-    principal: Principal,
-    question: LabelQuestion,
-    path: str,
-    given: Sequence[tuple[str, str]],
-) -> Response:
-    """Ask which label is meant; the answer goes to the path with all that was given."""
-    context = {"question": question, "path": path, "given": given}
-    return render(request, "label.html", context, principal=principal, section="/diagnoses")
 
 
 @router.post("/steps/undo", dependencies=[FromOurPage])

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from signals.analysis import ANALYSIS_RATE_HZ, Analysis
 from signals.condition import OperatingCondition
-from signals.half_cycle import reversal_times_s
-from signals.motion import HOP_HZ
+from signals.motion import HOP_HZ, reversal_times_s
 from signals.recording import Recording
 from sim.chain.model import Array
 from sim.description.axis import Axis

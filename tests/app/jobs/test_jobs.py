@@ -11,13 +11,15 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Event, Thread
 
 import psycopg
 import pytest
 from sqlalchemy import make_url
 
-from app.jobs.job import Job, JobError, JobNotFoundError, JobState, JobStateError
+from app.jobs.job import Job, JobError, JobKind, JobNotFoundError, JobState, JobStateError, Json
 from app.jobs.jobs import Jobs
+from app.jobs.runner import Worker
 from casebase.errors import InvalidCursorError
 from casebase.library import CaseLibrary
 from casebase.store import leases
@@ -238,6 +240,21 @@ def test_history_is_complete_and_can_be_entered_anywhere(place: Place) -> None:
     assert len(live) > 2
     assert list(place.jobs.events(job_id, after=1)) == live[2:]
     assert list(place.jobs.events(job_id, after=live[-1].number)) == []
+
+
+@ON_SQLITE
+def test_threads_of_a_worker_do_a_step_once(place: Place) -> None:
+    done: list[Json] = []
+    for number in range(20):
+        place.jobs.submit("count", {"number": number})
+    kind = JobKind("count", "", lambda _: [], lambda *_: None, lambda given, _: done.append(given["number"]))
+    worker = Worker.begin(place.library, [kind], "threads", Event())
+    threads = [Thread(target=lambda: all(iter(lambda: worker.do_one(("plan", "finish")), False))) for _ in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(map(str, done)) == sorted(map(str, range(20)))
 
 
 def test_what_cannot_be(place: Place) -> None:

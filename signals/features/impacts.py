@@ -1,4 +1,4 @@
-"""Bumps that repeat with the motion: what tells notch from play."""
+"""Impacts: what strikes once a stroke, and how strongly, wherever in the cycle it falls."""
 
 import math
 from collections.abc import Sequence
@@ -8,12 +8,12 @@ import numpy as np
 from signals import envelope
 from signals.analysis import Analysis
 from signals.band import Band
-from signals.features.family import FeatureFamily
-from signals.features.vector import FeatureDefinition
+from signals.features.vector import FeatureDefinition, FeatureFamily
 from signals.motion import HOP_HZ
+from signals.spectra import BandEnvelope
 from signals.synchronous_average import TOLERANCE
 
-SOURCE = (
+OF_BUMPS = (
     "synchronous averaging (McFadden 1986) on strokes, with a median; height over noise: signals.synchronous_average"
 )
 SENTENCES = {
@@ -33,7 +33,7 @@ class Repetition(FeatureFamily):
 
     definitions = (
         *(
-            FeatureDefinition(f"{name}_{band.label}", "dB", sentence, SOURCE)
+            FeatureDefinition(f"{name}_{band.label}", "dB", sentence, OF_BUMPS)
             for band in Band
             for name, sentence in SENTENCES.items()
         ),
@@ -82,3 +82,51 @@ class Repetition(FeatureFamily):
 def _highest(heights: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
     known = heights[np.isfinite(heights)]
     return float(known.max()) if known.size else math.nan
+
+
+class Impulses(FeatureFamily):
+    """Strongest impulse and peakedness of three bands, and how many impulses there are in the lowest."""
+
+    definitions = (
+        *(
+            definition
+            for band in Band
+            for definition in (
+                FeatureDefinition(
+                    f"strongest_impulse_{band.label}",
+                    "dB",
+                    "Highest point of the envelope in the typical cycle above what noise would reach in it: a "
+                    "knock that every second cycle has counts, wherever it falls; a single one does not.",
+                    "extreme value of chi-squared noise; signals.synchronous_average.noise_peak_db",
+                ),
+                FeatureDefinition(
+                    f"spectral_kurtosis_{band.label}",
+                    "dB",
+                    "Peakedness of the band against Gaussian noise in the typical cycle: strong events raise it, "
+                    "steady noise of any colour leaves it at 0.",
+                    "Antoni 2006, equation (6)",
+                ),
+            )
+        ),
+        FeatureDefinition(
+            "impulse_rate_12_200_hz",
+            "Hz",
+            "Impulses per second above what noise would reach.",
+            "extreme value of chi-squared noise; signals.synchronous_average.noise_peak_db",
+        ),
+    )
+
+    def compute(self, analysis: Analysis) -> Sequence[float]:
+        """Return strongest impulse and spectral kurtosis per band, then the rate."""
+        values: list[float] = []
+        for band in Band:
+            band_envelope = analysis.envelope(band)
+            values.append(analysis.strongest_db(band))
+            values.append(math.nan if band_envelope is None else self._kurtosis(analysis, band_envelope))
+        times = analysis.impulses(Band.LOW)[0]
+        return [*values, len(times) / analysis.duration_s]
+
+    @staticmethod
+    def _kurtosis(analysis: Analysis, band: BandEnvelope) -> float:
+        cycles = analysis.cycles(band.inside(), band.rate_hz)
+        return float(np.median([envelope.spectral_kurtosis_db(each) for each in cycles]))
