@@ -17,11 +17,11 @@ TWO_PI = 2.0 * math.pi
 # laws of contact, and their pieces
 LINEAR, ELASTO, ELASTO2 = 1.0, 2.0, 3.0
 BOTH, LIMITED, APART = 1, 2, 3
-# columns of a shaft, of a link (`sim.chain.packing`)
+# columns of a shaft, of a link (`sim.chain.integrate`)
 (J, COULOMB_F, COULOMB_B, VISCOUS_F, VISCOUS_B, STRIBECK, STRIBECK_W, STRIBECK_EXP, DRIFT, GRAVITY, PHASE,
  OFFSET, FRICTIONAL) = range(13)  # fmt: skip
 INV, C, D, HALF, LAW, ETA1, ETA2, BF1, BF2, TURN, LOSSY, CUBIC, HYST, HYST_X = range(14)
-# rows of lines, waves, ripples: shaft (of ripples -1: time), order, amplitude, phase, shaft acted on
+# rows of lines, ripples: shaft (of ripples -1: time), order, amplitude, phase, shaft acted on
 # rows of dents: shaft, angle, 1 / half width with the sign of the flank, depth, form
 ROW = 5
 

@@ -347,41 +347,50 @@ class Reasoner:
         return (*feature_evidence(self.table, values, near.of(label), near.other_than(label)), *motion)
 
     def _remarks(self, extraction: Extraction, judgement: Judgement, model: _Model) -> list[str]:
-        remarks = []
-        if model.classifier is None:
-            remarks.append(
-                f"the library knows one label alone, {self.table.classes[0]}: it can say that a recording is unlike it "
-                "and no more; add cases of other labels or generate them"
-            )
-        if extraction.poor:
-            remarks.append("the recording is too poor for a label to be relied on: see its quality, and record again")
-        unused = int(np.count_nonzero((self.table.origins == "simulated") & ~model.counting))
-        if unused:
-            remarks.append(
-                f"{unused} simulated cases do not count here: these labels were measured, or the axis is another"
-            )
-        if judgement.still:
-            remarks.append(
+        """Return what limits the answer."""
+        best, few, table = judgement.best.label, [], self.table
+        unused = int(np.count_nonzero((table.origins == "simulated") & ~model.counting))
+        if model.classifier is not None:
+            counts = np.bincount(model.classifier.held_out.truth, minlength=len(model.classifier.classes))
+            few = [
+                each for each, count in zip(model.classifier.classes, counts, strict=True) if count < FEWEST_FOR_P_VALUE
+            ]
+        remarks = (
+            (
+                model.classifier is None,
+                f"the library knows one label alone, {table.classes[0]}: it can say that a recording is unlike it "
+                "and no more; add cases of other labels or generate them",
+            ),
+            (
+                extraction.poor,
+                "the recording is too poor for a label to be relied on: see its quality, and record again",
+            ),
+            (
+                unused > 0,
+                f"{unused} simulated cases do not count here: these labels were measured, or the axis is another",
+            ),
+            (
+                judgement.still,
                 "no regular motion is found, while all cases are of axes that move back and forth: "
-                "record while the axis moves between the same two positions, nearer to the gearbox"
-            )
-        elif judgement.novel:
-            remarks.append(
-                f"the nearest cases are {judgement.best.label}, but the recording is unlike them: it may be a fault "
-                "that the library does not know, another machine or another recorder"
-            )
-        classifier = model.classifier
-        if classifier is not None:
-            counts = np.bincount(classifier.held_out.truth, minlength=len(classifier.classes))
-            few = [each for each, count in zip(classifier.classes, counts, strict=True) if count < FEWEST_FOR_P_VALUE]
-            if few:
-                needed = f"that takes {FEWEST_FOR_P_VALUE} cases left out by gearbox"
-                remarks.append(f"p-values of {', '.join(few)} cannot fall to 0.05: {needed}")
-        if len(self.table.gearboxes_known) < 2:
-            remarks.append("fewer than two gearboxes are known, so probabilities are not calibrated across gearboxes")
-        if judgement.p_value is None:
-            remarks.append(f"too few gearboxes of {judgement.best.label} are known to say what is unlike them")
-        return remarks
+                "record while the axis moves between the same two positions, nearer to the gearbox",
+            ),
+            (
+                judgement.novel and not judgement.still,
+                f"the nearest cases are {best}, but the recording is unlike them: it may be a fault "
+                "that the library does not know, another machine or another recorder",
+            ),
+            (
+                bool(few),
+                f"p-values of {', '.join(few)} cannot fall to 0.05: that takes {FEWEST_FOR_P_VALUE} cases left out by "
+                "gearbox",
+            ),
+            (
+                len(table.gearboxes_known) < 2,
+                "fewer than two gearboxes are known, so probabilities are not calibrated across gearboxes",
+            ),
+            (judgement.p_value is None, f"too few gearboxes of {best} are known to say what is unlike them"),
+        )
+        return [words for holds, words in remarks if holds]
 
 
 def less_than_a_cycle(reversals: int, cycles: float) -> bool:

@@ -58,24 +58,24 @@ class Base(DeclarativeBase):
 
 
 class Identified:
-    """A row with an id of its own."""
+    """A row with an id of its own, before all else."""
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id, sort_order=-1)
 
 
 class Created:
-    """A row that says when it came and who brought it."""
+    """A row that says, behind all else, when it came and who brought it."""
 
-    created_at: Mapped[datetime] = mapped_column(default=now)
-    created_by: Mapped[str] = mapped_column(String(200))
+    created_at: Mapped[datetime] = mapped_column(default=now, sort_order=1)
+    created_by: Mapped[str] = mapped_column(String(200), sort_order=1)
 
 
 class Revision(Created):
     """One revision of a description by its name; the highest number is the current one."""
 
-    name: Mapped[str] = mapped_column(String(200), primary_key=True)
-    revision: Mapped[int] = mapped_column(primary_key=True)
-    document: Mapped[dict[str, object]]
+    name: Mapped[str] = mapped_column(String(200), primary_key=True, sort_order=-1)
+    revision: Mapped[int] = mapped_column(primary_key=True, sort_order=-1)
+    document: Mapped[dict[str, object]] = mapped_column(sort_order=-1)
     note: Mapped[str | None] = mapped_column(Text)
     investigation_id: Mapped[str | None] = mapped_column(ForeignKey("investigations.id"))
 

@@ -63,8 +63,6 @@ class GearMesh(SeriesOnly, ElastoBacklash):
     ----------
     errors
         Transmission error: the driven gear is held back by their sum [rad].
-    waves
-        Stiffness c (1 + sum of amplitude cos(order theta + phase)); amplitudes of 1.
     dents
         Damage of single teeth.
     cubic
@@ -74,7 +72,6 @@ class GearMesh(SeriesOnly, ElastoBacklash):
     """
 
     errors: tuple[MeshLine, ...] = ()
-    waves: tuple[MeshLine, ...] = ()
     dents: tuple[MeshDent, ...] = ()
     cubic: float = 0.0
     hysteresis: float = 0.0

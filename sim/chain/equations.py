@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from sim import laws
-from sim.chain.kernel import DENTS, DRIVE, LINES, LINKS, RIPPLES, SHAFTS, WAVES, WIDTH
+from sim.chain.kernel import DENTS, DRIVE, LINES, LINKS, RIPPLES, SHAFTS, WIDTH
 from sim.laws import (
     BF1,
     BF2,
@@ -60,7 +60,7 @@ _losses: Callable[..., float] = njit(**OPTIONS)(laws.driver_torque)
 
 
 def _jit(function: Any) -> Any:
-    return njit(cache=True, **OPTIONS)(laws.keyed(function))
+    return njit(cache=True, **OPTIONS)(laws.keyed(function, LINES, DENTS, RIPPLES, LINKS, DRIVE))
 
 
 @_jit
@@ -78,19 +78,16 @@ def _link(k, angle, speed, p, q, out):  # type: ignore[no-untyped-def]
             asks -= slope
         else:
             gives += slope
-    stiffness = p[a + C]
-    for j in range(q[WAVES + k], q[WAVES + k + 1], ROW):
-        stiffness += p[a + C] * p[j + 2] * math.cos(p[j + 1] * angle[int(p[j])] + p[j + 3])
     torque = 0.0
     if p[a + LAW] == 0.0:
-        torque = _spring(x, stiffness, p[a + CUBIC]) + p[a + D] * rate
+        torque = _spring(x, p[a + C], p[a + CUBIC]) + p[a + D] * rate
     else:
         for side in (1.0, -1.0):
             depth, before, after = _dents(p, q[DENTS + k], q[DENTS + k + 1], side, k, angle, 0)
             into = side * x - p[a + HALF] - depth
             if into > 0.0:
                 damper = p[a + D] * (side * rate - before * speed[k] - after * speed[k + 1])
-                torque = side * _contact(p[a + LAW], _spring(into, stiffness, p[a + CUBIC]), damper, 0)
+                torque = side * _contact(p[a + LAW], _spring(into, p[a + C], p[a + CUBIC]), damper, 0)
                 asks -= side * before
                 gives += side * after
     out[0], out[1], out[2], out[3] = torque, asks, gives, rate

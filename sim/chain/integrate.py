@@ -3,17 +3,86 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim import laws
 from sim.chain.model import Array, Chain, ChainError, ChainResult, Drive, Servo
-from sim.chain.rows import shaft_row
+from sim.chain.rows import dent_rows, line_rows, link_row, shaft_row
 from sim.errors import RunError
 from sim.laws import COULOMB_F, DRIFT, friction
 from sim.residual import INSTANTS, SMALLEST, TOLERANCE, Residual, check_finite, instants
+
+MAX_SHAFTS = 4
+
+
+def pack(chain: Chain) -> tuple[Array, NDArray[np.int64]]:
+    """The arrays `p` and `q` of the kernel. Raises ChainError for another number of shafts, or what is not finite."""
+    from sim.chain import kernel
+
+    n = len(chain.shafts)
+    if not 1 <= n <= MAX_SHAFTS or len(chain.links) != n - 1:
+        raise ChainError(
+            f"shafts: 1 to {MAX_SHAFTS} with a link between each two, got {n} and {len(chain.links)} links"
+        )
+    p = np.zeros(kernel.ROWS)
+    q = np.zeros(kernel.Q_SIZE, dtype=np.int64)
+    q[kernel.SHAFTS] = n
+    for k, shaft in enumerate(chain.shafts):
+        row = shaft_row(shaft)
+        row[laws.J] = 1 / row[laws.J] if row[laws.J] > 0 else math.nan
+        p[kernel.WIDTH * k : kernel.WIDTH * k + len(row)] = row
+    for k, link in enumerate(chain.links):
+        first = kernel.LINKS + kernel.WIDTH * k
+        row = link_row(link)
+        p[first : first + len(row)] = row
+    rows = [p]
+    ripples = [row for k, shaft in enumerate(chain.shafts) for row in line_rows(shaft.ripples, k)]
+    _append(rows, q, kernel.RIPPLES, [ripples])
+    _append(rows, q, kernel.LINES, [line_rows(link.errors) for link in chain.links])
+    _append(rows, q, kernel.DENTS, [dent_rows(link.dents) for link in chain.links])
+    packed = np.concatenate(rows)
+    if not np.isfinite(packed).all():
+        raise ChainError("every number of a chain must be finite, and every inertia > 0")
+    return packed, q
+
+
+def _append(rows: list[Array], q: NDArray[np.int64], slot: int, groups: Sequence[list[tuple[float, ...]]]) -> None:
+    position = sum(row.size for row in rows)
+    q[slot] = position
+    for i, group in enumerate(groups):
+        rows.extend(np.array(row) for row in group)
+        position += laws.ROW * len(group)
+        q[slot + i + 1] = position
+
+
+def pack_drive(drive: Drive, rate: float, samples: int) -> tuple[int, Array, Array, Array, Array]:
+    """(kind, coefficients, given torque, servo, reference) of the kernel."""
+    from sim.chain import kernel
+
+    coefficients, nothing, servo = np.zeros(8), np.zeros((3, 1)), np.zeros(6)
+    if isinstance(drive, Servo):
+        gains = (drive.position_gain_per_s, drive.speed_gain_n_m_s, 1 / (rate * drive.integral_time_s))
+        servo[:] = *gains, drive.speed_limit_rad_s, drive.torque_limit_n_m, drive.feed_forward
+        return kernel.SERVO, coefficients, nothing, servo, checked("reference", drive.reference, (3, samples))
+    coefficients[0], coefficients[2] = drive.offset_n_m, drive.amplitude_n_m
+    coefficients[3], coefficients[4] = 2 * math.pi * drive.frequency_hz, drive.phase_rad
+    if drive.samples_n_m is None:
+        return kernel.TORQUE, coefficients, nothing, servo, nothing
+    torque = checked("samples_n_m", drive.samples_n_m, (samples,)) + drive.offset_n_m
+    return kernel.TORQUE, coefficients, torque[np.newaxis], servo, nothing
+
+
+def checked(name: str, values: Array, shape: tuple[int, ...]) -> Array:
+    """Finite float64 numbers of `shape`, or a ChainError that says what came."""
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ChainError(f"{name}: must be finite numbers of shape {shape}, got shape {array.shape}")
+    return array
+
 
 LOG_ROWS = 20_000
 STICK = 1  # in the log
@@ -49,8 +118,7 @@ def run_chain(
     Raises ChainError for a wrong chain, drive or size before any work, RunError for a result that does not obey its
     equations.
     """
-    from sim.chain import kernel as chain_kernel
-    from sim.chain.packing import checked, pack, pack_drive
+    from sim.chain import kernel
 
     p, q = pack(chain)
     n = len(chain.shafts)
@@ -60,9 +128,11 @@ def run_chain(
         raise ChainError(f"substeps: needs 1 to 10000, got {substeps}")
     kind, coefficients, given, servo, reference = pack_drive(drive, sample_rate_hz, samples)
     q[1] = kind
-    p[chain_kernel.DRIVE : chain_kernel.DRIVE + 8] = coefficients
+    p[kernel.DRIVE : kernel.DRIVE + 8] = coefficients
     state = np.zeros(11)
-    first = _default_start(chain, drive) if start is None else checked("start", start, (2 * n,))
+    if start is None and isinstance(drive, Servo):
+        start = steady_start(chain, float(drive.reference[0, 0]), float(drive.reference[1, 0]))
+    first = np.zeros(2 * n) if start is None else checked("start", start, (2 * n,))
     state[:n], state[4 : 4 + n] = first[:n], first[n:]
     tolerance = 1e-12 * max([1.0, *(link.stiffness_n_m_per_rad for link in chain.links)])
     grid = np.array([sample_rate_hz, substeps, tolerance])
@@ -72,7 +142,7 @@ def run_chain(
     torque = np.empty(samples)
     log = np.empty((max(LOG_ROWS, samples // 16), 5))
     while True:
-        count, unresolved = chain_kernel.run(
+        count, unresolved = kernel.run(
             p.copy(), q.copy(), given, servo, reference, grid, watch, state,
             log, angle, speed, acceleration, force, torque,
         )  # fmt: skip
@@ -141,12 +211,6 @@ def _check_run(sample_rate_hz: float, samples: int) -> None:
         raise ChainError(f"samples: needs 2 to {MAX_SAMPLES}, got {samples}")
 
 
-def _default_start(chain: Chain, drive: Drive) -> Array:
-    if isinstance(drive, Servo):
-        return steady_start(chain, float(drive.reference[0, 0]), float(drive.reference[1, 0]))
-    return np.zeros(2 * len(chain.shafts))
-
-
 def stable_substeps(chain: Chain, sample_rate_hz: float, largest_phase: float = 0.1) -> int:
     """Steps per sample for which (fastest torsional mode or damping rate) * step <= `largest_phase`.
 
@@ -158,8 +222,7 @@ def stable_substeps(chain: Chain, sample_rate_hz: float, largest_phase: float = 
     for k, link in enumerate(chain.links):
         twist = np.zeros(n)
         twist[k], twist[k + 1] = 1.0 / link.ratio, -1.0
-        hardest = link.stiffness_n_m_per_rad * (1.0 + sum(abs(wave.amplitude) for wave in link.stiffness_waves))
-        hardest += link.hysteresis_n_m / link.hysteresis_rad
+        hardest = link.stiffness_n_m_per_rad + link.hysteresis_n_m / link.hysteresis_rad
         stiffness += hardest * np.outer(twist, twist)
         damping += link.damping_n_m_s_per_rad * np.outer(twist, twist)
     inertia = np.array([shaft.inertia_kg_m2 for shaft in chain.shafts])

@@ -1,4 +1,4 @@
-"""Compiled inner loop of shafts in series over flat arrays (packed in `sim.chain.packing`).
+"""Compiled inner loop of shafts in series over flat arrays (packed in `sim.chain.integrate`).
 
 Classical Runge-Kutta of order 4 with fixed steps between events. What is not smooth is a mode that is held
 during a step and changed only at a located instant: contact of each mesh, stick or slip of each shaft, driving
@@ -7,7 +7,7 @@ crossing zero ends the step; the instant is found on the Runge-Kutta solution it
 
 Three arrays hold everything, because numba counts references of every array it takes out of a tuple, which cost more
 than the physics: `p` parameters (shaft k at 16 k, link k at LINKS + 16 k, drive, rows of lines,
-waves, dents and ripples), `q` counts, offsets and modes, `w` working rows. Importing this module imports numba;
+dents and ripples), `q` counts, offsets and modes, `w` working rows. Importing this module imports numba;
 `sim.chain.reduction` does so at the first simulation. Friction, spring and dents are those of `sim.laws`,
 as in the observer of an investigation.
 """
@@ -68,8 +68,8 @@ Matrix = NDArray[np.float64]
 # p; J holds the reciprocal
 WIDTH, LINKS, DRIVE, ROWS = 16, 64, 112, 120
 # q: number of shafts, kind of drive, then offsets into p where the rows of link (ripples: all) begin and end
-SHAFTS, KIND, RIPPLES, LINES, WAVES, DENTS, CONTACT, LOOP, WAY, SIDE = 0, 1, 2, 4, 8, 12, 16, 20, 24, 28
-Q_SIZE = 32
+SHAFTS, KIND, RIPPLES, LINES, DENTS, CONTACT, LOOP, WAY, SIDE = 0, 1, 2, 4, 8, 12, 16, 20, 24
+Q_SIZE = 28
 TORQUE, SERVO = 0, 1
 PLAIN = 9  # contact of a link without gap: one law for both flanks, never left
 FREE = 9  # way of a shaft on which nothing depends on the direction
@@ -204,12 +204,7 @@ def _link(k: int, p: Floats, q: Ints, w: Floats) -> float:
         else:
             w[GIVES + k] += slope
         j += ROW
-    stiffness = p[a + C]
-    j = q[WAVES + k]
-    while j < q[WAVES + k + 1]:
-        stiffness += p[a + C] * p[j + 2] * _sincos(p[j + 1] * w[STAGE + int(p[j])] + p[j + 3])[1]
-        j += ROW
-    force = _contact(k, x, xd, stiffness, p, q, w)
+    force = _contact(k, x, xd, p[a + C], p, q, w)
     if p[a + HYST] != 0.0:
         z = w[STAGE + 8 + k]
         force += z
@@ -464,13 +459,6 @@ def _command(servo: Floats, reference: Matrix, tick: int, p: Floats, w: Floats, 
 
 
 @_jit
-def _load_knot(given: Matrix, i: int, p: Floats) -> None:
-    """Torque between input samples i and i + 1, a straight line over the fraction between them."""
-    p[DRIVE] = given[0, i]
-    p[DRIVE + 1] = given[0, i + 1] - given[0, i]
-
-
-@_jit
 def _initial_modes(p: Floats, q: Ints, w: Floats) -> None:
     """Modes that fit the start state; shafts at rest start stuck and break away at once if they must."""
     for k in range(q[SHAFTS] - 1):
@@ -531,7 +519,7 @@ def run(
         last = i == samples - 1
         u = 1.0 if last and i > 0 else 0.0
         if given.shape[1] > 1 and not last:
-            _load_knot(given, i, p)
+            p[DRIVE], p[DRIVE + 1] = given[0, i], given[0, i + 1] - given[0, i]  # a straight line to the next sample
         if q[KIND] == SERVO:
             before = p[DRIVE]
             integral = _command(servo, reference, i, p, w, integral)

@@ -88,7 +88,6 @@ class Link:
     bearing_n_m: tuple[float, float] = (0.0, 0.0)  # at the driver, as LossyGear's tau_bf1, tau_bf2
     loss_fraction: float = 0.0  # of the transmitted torque, both directions of power
     errors: tuple[Line, ...] = ()  # transmission error [rad]
-    stiffness_waves: tuple[Line, ...] = ()  # c (1 + sum amplitude cos(order theta + phase))
     dents: tuple[Dent, ...] = ()
     cubic_per_rad2: float = 0.0  # torque c x (1 + cubic x^2)
     hysteresis_n_m: float = 0.0  # Dahl's operator beside the spring: half height of its loop

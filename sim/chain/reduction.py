@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
-from sim.chain.components import GearMesh, Gravity, MeshLine, OneFlange, ServoDrive, ShaftFriction
+from sim.chain.components import GearMesh, Gravity, OneFlange, ServoDrive, ShaftFriction
 from sim.chain.components import TorqueRipple as Ripple
 from sim.chain.components import TorqueWave as Wave
 from sim.chain.integrate import run_chain
-from sim.chain.model import CLOCK, Array, Chain, Dent, Drive, Line, Link, Servo, Shaft, Torque
+from sim.chain.model import CLOCK, Array, Chain, ChainResult, Dent, Drive, Line, Link, Servo, Shaft, Torque
 from sim.chain.motion_profile import back_and_forth
 from sim.errors import CompositionError, RunError
-from sim.rotational.component import Component
+from sim.rotational.component import CONTACT_NAMES, SLIDING_NAMES, Component
 from sim.rotational.components import (
     BearingFriction,
     Constant,
@@ -32,7 +33,7 @@ from sim.rotational.components import (
 )
 from sim.rotational.components import Torque as TorqueSource
 from sim.rotational.drive_train import DriveTrain
-from sim.rotational.trajectory import Trajectory
+from sim.rotational.trajectory import Channels, Event, Trajectory
 
 MIN_RATE_OF_SERVO_HZ = 1000.0
 
@@ -61,8 +62,6 @@ def chain_of(train: DriveTrain) -> Chain:
 
 def simulate_chain(train: DriveTrain, samples: int, sample_rate_hz: float, watch: Array | None = None) -> Trajectory:
     """Simulate shafts in series; channels and events bear the names of the components (`watch`: see `run_chain`)."""
-    from sim.chain.trajectory import trajectory_of
-
     sections = sections_of(train)
     chain = _chain(train, sections)
     drive, reference = _drive(train, sections[0], samples, sample_rate_hz)
@@ -212,17 +211,12 @@ def _link(train: DriveTrain, section: Section, k: int) -> Link:
     dents = (Dent(k + (d.wheel == "driven"), d.angle, d.half_width, d.depth, d.flank, d.form) for d in mesh.dents)
     return replace(
         link,
-        errors=_lines(mesh.errors, k),
-        stiffness_waves=_lines(mesh.waves, k),
+        errors=tuple(Line(k + (e.wheel == "driven"), e.order, e.amplitude, e.phase) for e in mesh.errors),
         dents=tuple(dents),
         cubic_per_rad2=mesh.cubic,
         hysteresis_n_m=mesh.hysteresis,
         hysteresis_rad=mesh.hysteresis_width,
     )
-
-
-def _lines(lines: tuple[MeshLine, ...], k: int) -> tuple[Line, ...]:
-    return tuple(Line(k + (line.wheel == "driven"), line.order, line.amplitude, line.phase) for line in lines)
 
 
 def _drive(train: DriveTrain, first: Section, samples: int, rate: float) -> tuple[Drive, Array | None]:
@@ -277,3 +271,81 @@ def _start(train: DriveTrain, sections: list[Section], chain: Chain) -> Array:
                 relative = getattr(train[sections[k - 1].mesh or ""], f"{key}_rel", None)
                 state[row] = state[row - 1] / chain.links[k - 1].ratio + (relative or 0.0)
     return state
+
+
+CONTACT, STICK = 0, 1  # kinds in the engine's log
+
+
+def trajectory_of(
+    train: DriveTrain, sections: list[Section], chain: Chain, result: ChainResult, reference: Array | None
+) -> Trajectory:
+    """Name the numbers of a chain after the components of its train.
+
+    Signs: a chain counts the torque on the driven shaft, Modelica the torque into the component; a mesh's `tau` and
+    `mode` are those of Modelica, so flank 1 (driver pushes forward) has tau < 0 and mode -1.
+    """
+    sources = dict(_sources(train, sections, chain, result))
+    for name in sections[0].torques:
+        if isinstance(train[name], ServoDrive | TorqueSource):
+            sources[f"{name}.tau"] = partial(np.asarray, result.motor_torque_n_m)
+            if reference is not None:
+                sources[f"{name}.reference"] = partial(np.asarray, reference)
+    units = {name: train[name.rpartition(".")[0]].unit(name) for name in sources}
+    events = tuple(_events(sections, result))
+    return Trajectory(result.time_s, Channels(sources), units, events, "chain", result.residual)
+
+
+def _sources(
+    train: DriveTrain, sections: list[Section], chain: Chain, result: ChainResult
+) -> Iterator[tuple[str, Callable[[], Array]]]:
+    angle, speed, acceleration = result.angle_rad, result.speed_rad_s, result.acceleration_rad_s2
+    for k, section in enumerate(sections):
+        for name in section.inertias:
+            for channel, values in (("phi", angle), ("w", speed), ("a", acceleration)):
+                yield f"{name}.{channel}", partial(np.asarray, values[:, k])
+        for name in section.torques:
+            part = train[name]
+            if isinstance(part, Ripple | Gravity):
+                yield f"{name}.tau", partial(_position_torque, part, angle[:, k])
+            if isinstance(part, Wave):
+                yield f"{name}.tau", partial(_torque_over_time, part, result.time_s)
+        if section.gear:
+            yield f"{section.gear}.w_a", partial(np.asarray, speed[:, k])
+        if section.mesh:
+            ratio = chain.links[k].ratio
+            yield f"{section.mesh}.tau", partial(np.negative, result.force_n_m[:, k])
+            yield f"{section.mesh}.phi_rel", partial(_relative, angle, k, ratio)
+            yield f"{section.mesh}.w_rel", partial(_relative, speed, k, ratio)
+
+
+def _relative(values: Array, k: int, ratio: float) -> Array:
+    return np.asarray(values[:, k + 1] - values[:, k] / ratio)
+
+
+def _position_torque(part: Ripple | Gravity, angle: Array) -> Array:
+    if isinstance(part, Gravity):
+        return np.asarray(-part.torque * np.sin(angle + part.phase))
+    return np.asarray(sum(line.amplitude * np.sin(line.order * angle + line.phase) for line in part.lines))
+
+
+def _torque_over_time(part: Wave, time_s: Array) -> Array:
+    return np.asarray(part.torque * np.sin(2.0 * np.pi * part.frequency * time_s + part.phase))
+
+
+def _events(sections: list[Section], result: ChainResult) -> list[Event]:
+    """Contact and sliding as Modelica numbers them; what a component passes through in no time is left out."""
+    meshes = [section.mesh or "" for section in sections]
+    sliding = [next(iter(section.frictions), None) or section.gear or section.inertias[0] for section in sections]
+    log = result.log[result.log[:, 1] <= STICK]
+    contact = log[:, 1] == CONTACT
+    modes = np.where(contact[:, None], -np.sign(log[:, 3:]), log[:, 3:]).astype(np.int64)  # pieces of a contact are one
+    wanted = modes[:, 0] != modes[:, 1]
+    kept: dict[str, list[Event]] = {}
+    for (time, kind, index), (before, after) in zip(log[wanted, :3].tolist(), modes[wanted].tolist(), strict=True):
+        component, names = (sliding, SLIDING_NAMES) if kind == STICK else (meshes, CONTACT_NAMES)
+        events = kept.setdefault(component[int(index)], [])
+        if events and events[-1].time_s == time:
+            before = events.pop().from_mode
+        if before != after:
+            events.append(Event(time, component[int(index)], before, after, names[before], names[after]))
+    return sorted((event for events in kept.values() for event in events), key=lambda event: event.time_s)

@@ -144,11 +144,11 @@ class Observer:
         """Torque of what acts on the motor's own shaft, without its inertia."""
         width, stretch = nuisance.friction_width[0] * self._top, nuisance.stretch_rad[0]
         setting = np.array([width, stretch, self.has_contact_loss])
-        key = b"motor".join(part.tobytes() for part in (setting, model[0][0, 1:], model[8]))
+        key = b"motor".join(part.tobytes() for part in (setting, model[0][0, 1:], model[-1]))
 
         def simulated() -> Array:
             out = np.empty(self.measurement.samples)
-            motor_torque(model[0], model[8], motion, width, stretch, 1.0 / self.measurement.rate_hz, out)
+            motor_torque(model[0], model[-1], motion, width, stretch, 1.0 / self.measurement.rate_hz, out)
             return out
 
         return self._kept(key, simulated)

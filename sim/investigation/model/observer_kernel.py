@@ -246,7 +246,7 @@ def propagators(shafts, links, gains, h, step):
 
 
 @_jit
-def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, ripples, motion, guide, known, gains,
+def run(shafts, links, lines, line_first, dents, dent_first, ripples, motion, guide, known, gains,
         widths, stretch, split, dt, substeps, start, out, stages):  # fmt: skip
     """Integrate; rows of `out`: torque that the first mesh asks of the motor, load angle, torque of the guide [N m].
 
@@ -356,8 +356,6 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                     else:
                         after_lever += slant
                 c = links[k, C]
-                for j in range(wave_first[k], wave_first[k + 1]):
-                    c += links[k, C] * waves[j, 2] * math.cos(waves[j, 1] * angles[int(waves[j, 0])] + waves[j, 3])
                 touch = True
                 if links[k, LAW] == 0.0:
                     force = _spring(x, c, links[k, CUBIC]) + links[k, D] * xd

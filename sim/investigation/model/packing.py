@@ -23,12 +23,11 @@ def pack(chain: Chain, begin_s: float = 0.0) -> Packed:
     shafts = np.array([shaft_row(shaft) for shaft in chain.shafts])
     links = np.array([link_row(link) for link in chain.links]).reshape(n - 1, 14)
     lines, line_first = _rows([line_rows(link.errors) for link in chain.links])
-    waves, wave_first = _rows([line_rows(link.stiffness_waves) for link in chain.links])
     dents, dent_first = _rows([dent_rows(link.dents) for link in chain.links])
     ripples, _ = _rows(
         [line_rows([_since(line, begin_s) for line in shaft.ripples], k) for k, shaft in enumerate(chain.shafts)]
     )
-    return shafts, links, lines, line_first, waves, wave_first, dents.ravel(), ROW * dent_first, ripples
+    return shafts, links, lines, line_first, dents.ravel(), ROW * dent_first, ripples
 
 
 def _since(line: Line, begin_s: float) -> Line:

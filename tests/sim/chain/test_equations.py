@@ -13,7 +13,7 @@ import pytest
 import sim.chain
 from sim.chain import kernel
 from sim.chain.integrate import run_chain
-from sim.chain.model import Dent, Line, Servo, Torque, with_link, with_shaft
+from sim.chain.model import Dent, Line, Servo, Torque, with_shaft
 from sim.chain.motion_profile import back_and_forth
 from sim.errors import RunError
 from tests.sim.axes import three_shafts
@@ -40,7 +40,6 @@ def run(rate_hz: float = 2000.0) -> float:
         efficiency=(0.9, 0.8),
     )
     chain = with_shaft(chain, 0, coulomb_n_m=0.5, stribeck_n_m=0.2, coulomb_backward_n_m=0.3)
-    chain = with_link(chain, 0, stiffness_waves=(Line(1, 3.0, 0.1),))
     reference = back_and_forth(np.arange(int(rate_hz)) / rate_hz, 0.8, 60.0, 0.1, 0.05)
     reference[2] *= 0.0072
     result = run_chain(chain, Servo(reference, 12.0, 0.5, 0.08, 500.0, 200.0), rate_hz, reference.shape[1])

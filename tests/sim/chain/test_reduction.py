@@ -21,7 +21,7 @@ from sim.chain.model import (
     with_shaft,
 )
 from sim.chain.motion_profile import back_and_forth
-from sim.chain.trajectory import CONTACT, STICK
+from sim.chain.reduction import CONTACT, STICK
 from sim.rotational.components import Gearbox, Inertia, Sine
 from sim.rotational.components import Torque as TorqueSource
 from sim.rotational.drive_train import DriveTrain

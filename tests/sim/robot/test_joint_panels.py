@@ -10,7 +10,7 @@ from benchmarks.robot_arms import Array, robot, swings, torque, two_links, with_
 from signals.telemetry import Telemetry
 from sim.investigation.report.panels import AS_DESCRIBED, EXTENDED, MEASURED, Panel
 from sim.robot.investigation import RobotLog, investigate_robot
-from sim.robot.joint_panels import finding_panels
+from sim.robot.report import finding_panels
 from sim.robot.results import RobotInvestigation
 
 DRY, VISCOUS, HANGS = 2.0, 1.5, 1.5
