@@ -19,9 +19,7 @@ from sim.investigation.acoustic.recording_quality import mismatch
 from sim.investigation.assessment.intervals import estimates
 from sim.investigation.assessment.misfit import adequacy, excess, widened
 from sim.investigation.assessment.remarks import (
-    NO_REFERENCE,
     contact_loss_remarks,
-    controller_law_remarks,
     description_remarks,
     excitation_remarks,
     misfit_remarks,
@@ -30,6 +28,7 @@ from sim.investigation.assessment.remarks import (
 )
 from sim.investigation.assessment.residual_structure import nameless, structure_of
 from sim.investigation.assessment.verdict import (
+    NAMES,
     discount_if_residual,
     drop_unidentifiable,
     drop_within_tolerance,
@@ -41,7 +40,6 @@ from sim.investigation.assessment.verdict import (
     refit_reported,
     reported_terms,
     under_misfit,
-    under_own_noise,
 )
 from sim.investigation.data.excitation import excitation_of
 from sim.investigation.data.pairing import NOT_COMPARED, check_as_new
@@ -57,7 +55,6 @@ from sim.investigation.next_measurement.advice import in_words, simulated_advice
 from sim.investigation.report.maintenance_actions import action
 from sim.investigation.report.wording import next_measurement, numbers_of
 from sim.investigation.results import REPORTED, Finding, Investigation
-from sim.investigation.search.own_noise import NAMES
 from sim.investigation.search.search import Selection, select
 from sim.investigation.unexplained import Unexplained, rounded
 
@@ -131,7 +128,7 @@ def _of_torque(
     problem, base = calibrate(
         Problem(axis, data_check.measurement, _first_noise(data_check), unknown=data_check.unknown)
     )
-    weighed = under_own_noise(drop_unidentifiable(select(problem, base, progress, data_check.law)))
+    weighed = drop_unidentifiable(select(problem, base, progress))
     progress("sound", 0.78)
     heard, left_of_sound = (
         sound_beside_telemetry(described, sounds[0], data_check.measurement, sound_offset_s) if sounds else ((), None)
@@ -157,11 +154,6 @@ def _of_torque(
     progress("next measurement", 0.96)
     told = simulated_advice(weighed, findings)
     advice = in_words(told) or next_measurement(axis, findings, rest, problem.guided)
-    quieted = (
-        controller_law_remarks(problem, data_check)
-        if "reference_position_rad" in telemetry or verdict == "named"
-        else (NO_REFERENCE,)
-    )
     progress("done", 1.0)
     return Investigation(
         axis, verdict, findings, rest[0] if rest else None,
@@ -170,7 +162,7 @@ def _of_torque(
         _provenance(axis, telemetry, sounds, problem.measurement),
         tuple((str(r.term.key), r.gain) for r in selection.rejected[:6]),
         (
-            shown_remark(axis, recorded), *data_check.remarks, *doubts, *strange, *quieted,
+            shown_remark(axis, recorded), *data_check.remarks, *doubts, *strange,
             *description_remarks(problem, fit), *excitation_remarks(excitation_of(problem.measurement)),
             *standstill_remarks(problem), *contact_loss_remarks(problem),
         ),

@@ -27,13 +27,13 @@ from sim.investigation.model.parameters import Values
 from sim.investigation.report.wording import explain
 from sim.investigation.results import REPORTED, Estimate, Finding, Gain
 from sim.investigation.search.effect_size import effect_size
-from sim.investigation.search.own_noise import DECIDED, NAMES, in_own_noise, likelier, without
 from sim.investigation.search.search import Selection
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms.catalogue import kind_of, kind_or_any
 from sim.mechanisms.mechanism import Law
 
 UNLIKELY = 0.4  # less likely than not
+NAMES = 40.0  # mechanisms and places among which one is looked for
 JOINTS = 6.0  # of an arm: each is another place at which a name is looked for
 SHOWN = 3.0  # standard deviations of friction, of which every axis has some
 AT_LOAD = 1.02  # times as much left on unseen rows
@@ -167,8 +167,6 @@ def finding_of(selection: Selection, term: Term, values: Values | None = None) -
     }
     seen = Evidence(standing.share, others, (standing.shared + inadequacy(fit)) / standing.gain)
     sure = min(probability(seen), WEIGHTS.cap)
-    if term.key in selection.own_noise:
-        sure = min(sure, 1.0 / (1.0 + NAMES * math.exp(min(-selection.own_noise[term.key], 50.0))))
     new = not is_beyond_new(axis, term.mechanism, term.location, estimated)
     if m.doubts.size and not term.traits.in_every_axis:
         as_shaped = term_estimates(fit, term, m, numbers, term.shape)
@@ -278,26 +276,6 @@ def drop_unidentifiable(selection: Selection) -> Selection:
     kept = [t for t in selection.fit.terms if t not in gone]
     fit = selection.problem.fit(kept, selection.fit.values, held=selection.fit.sensitivities, to_end=True)
     return replace(selection, fit=fit, found=found)
-
-
-def under_own_noise(selection: Selection) -> Selection:
-    """With each name held against the model without it, under noise of its own; none where the known torque itself is
-    doubted, whose errors are no noise. What every axis has needs no such proof.
-
-    A refit under its own noise took three quarters of the log odds at most: it is made where they may decide.
-    """
-    problem, fit = selection.problem, selection.fit
-    if problem.measurement.doubts.size:
-        return selection
-    asked = [t for t in selection.found if not t.traits.in_every_axis]
-    fits = {t.key: less for t in asked if (less := without(problem, fit, t))}
-    odds = {key: likelier((problem, fit), (problem, less)) for key, less in fits.items()}
-    close = [key for key, value in odds.items() if value < DECIDED]
-    anew = in_own_noise(problem, fit) if close else (problem, fit)
-    for key in close:
-        plain = in_own_noise(problem, fits[key])
-        odds[key] = max(likelier(full, plain) for full in ((problem, fit), anew))
-    return replace(selection, own_noise=odds)
 
 
 def looks_like(problem: Problem, term: Term) -> tuple[str, ...]:

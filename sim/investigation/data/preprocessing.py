@@ -64,23 +64,14 @@ class Measurement:
     standstill: float = STANDSTILL_SHARE
     rests: bool = False
     predictable: Array = field(default_factory=lambda: np.ones(1))
-    unsure: Array = field(default_factory=lambda: np.zeros((0, 0)))
     known_torque: Array | None = None
     doubts: Array = field(default_factory=lambda: np.zeros((0, 0)))
     gear: float = 1.0
 
     @cached_property
     def wrong_ways(self) -> Array:
-        """Ways in which torque or known torque may be wrong, shape (n, p), across rows that do not count [N m]."""
-        return self._across([column for each in (self.unsure, self.doubts) if each.size for column in each.T])
-
-    @cached_property
-    def known_wrong_ways(self) -> Array:
-        """The same of the known torque alone."""
-        return self._across(list(self.doubts.T) if self.doubts.size else [])
-
-    def _across(self, ways: list[Array]) -> Array:
-        return np.stack([self.across(w) for w in ways], axis=1) if ways else np.zeros((0, 0))
+        """Ways in which the known torque may be wrong, shape (n, p), across rows that do not count [N m]."""
+        return np.stack([self.across(w) for w in self.doubts.T], axis=1) if self.doubts.size else self.doubts
 
     @cached_property
     def moving(self) -> Array:

@@ -366,10 +366,6 @@ class Problem:
         other.measurement = measurement
         return other
 
-    def down_to(self, standstill: float) -> Problem:
-        """The same with the rows that are faster than this share of the largest speed and no others."""
-        return self.measuring(replace(self.measurement, standstill=standstill, rests=False))
-
     def resting(self, fit: Fit) -> Problem:
         """The same with the rows at rest, where `fit` can say what friction holds there.
 

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from sim.investigation.data.controller_law import DriveLaw, known_noise, without_noise
 from sim.investigation.data.preprocessing import MOTION_CUT_HZ, gaussian_kernel
 from sim.investigation.estimation.doubts import by_doubts
 from sim.investigation.estimation.estimate import Array, Fit
@@ -30,15 +29,6 @@ def calibrate(problem: Problem) -> tuple[Problem, Fit]:
     described = problem.fit(iterations=0)
     problem = problem.with_noise(problem.noise_of(described)).with_predictable_rows((), described.values)
     return multistart(*rewhiten(problem, problem.fit(held=described.sensitivities)))
-
-
-def without_known_noise(problem: Problem, fit: Fit, law: DriveLaw) -> tuple[Problem, Fit]:
-    """Without the noise that the drive's law tells of the torque channel, as far as it is what `fit` leaves."""
-    m = problem.measurement
-    known = known_noise(law, m, problem.raw_residuals(fit.terms, fit.values, weighted=False)[0])
-    if known is None:
-        return problem, fit
-    return multistart(*rewhiten(*rewhiten(problem.measuring(without_noise(m, known)), fit)))
 
 
 def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
@@ -164,7 +154,7 @@ def final_fit(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     kernel = gaussian_kernel(MOTION_BAND_HZ, m.rate_hz, 0)
     torque = torque - m.across(by_doubts(m, problem.noise, torque))
     left = _level(np.asarray(np.convolve(torque, kernel, "same"), np.float64), m.weight)
-    noise = Noise(kernel / max(left, 1e-300), np.ones(1)).with_inflated_prior(m.known_wrong_ways, m.awake)
+    noise = Noise(kernel / max(left, 1e-300), np.ones(1)).with_inflated_prior(m.wrong_ways, m.awake)
     in_band = problem.with_noise(noise)
     return in_band, in_band.fit(terms, plain.values, held=plain.sensitivities)
 

@@ -68,7 +68,7 @@ def cause_panel(result: Investigation, finding: Finding) -> Panel | None:
     if term is not None:
         return _of_term(selection, term, numbers_of(finding))
     if kind_or_any(finding.mechanism).kind == "measurement":
-        over_time, _, spectrum, _ = overlay_panels(selection, result.data_check.measurement.torque)
+        over_time, _, spectrum, _ = overlay_panels(selection)
         return spectrum if kind_or_any(finding.mechanism).signature.domain == "frequency" else over_time
     return next(iter(along_path(result)), None)
 

@@ -104,7 +104,7 @@ def _taken(selection: Selection, term: Term) -> dict[str, object]:
 def panels(result: Investigation) -> tuple[list[Panel], list[Panel], list[Panel]]:
     """Model and measurement; what is left, by where it lives; what was heard beside telemetry."""
     if result.selection is not None and result.data_check is not None:
-        overlay = overlay_panels(result.selection, result.data_check.measurement.torque)
+        overlay = overlay_panels(result.selection)
         return overlay, residual_panels(result.selection), along_path(result)
     if result.acoustic is None:
         return list(result.encoders), [], []

@@ -20,7 +20,6 @@ from sim.investigation.hypotheses.harmonics import AS_NEW_FACTOR
 from sim.investigation.hypotheses.hypothesis import Key, Term
 from sim.investigation.hypotheses.identifiability import missing_at
 from sim.investigation.hypotheses.traits import mechanisms_with
-from sim.investigation.model.nominal import ratio_after, stages_of
 from sim.investigation.parallel import each
 from sim.investigation.search.criterion import (
     evidence,
@@ -231,22 +230,6 @@ def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]
     if term.contact or (best and best.cost < fit.cost):
         return best
     return problem.best(terms, [(fit.values, fit.sensitivities)], to_end=False)
-
-
-def elsewhere(problem: Problem, fit: Fit, own: Rival) -> list[Rival]:
-    """Play in every other gear pair, with the same lost motion at the load."""
-    if not own.term.traits.gap:
-        return []
-    stages = stages_of(problem.axis)
-    gap = magnitude(own.term, fit.values) / ratio_after(problem.axis, stages.index(own.term.location or ""))
-    present = {t.key for t in fit.terms}
-    return [
-        Rival(
-            t, own.gain, {p.name: gap * ratio_after(problem.axis, stages.index(t.location or "")) for p in t.parameters}
-        )
-        for t in terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values))
-        if t.mechanism == own.term.mechanism and t.key not in present
-    ]
 
 
 def damage_terms(problem: Problem, terms: Sequence[Term], values: Mapping[str, float]) -> list[Term]:

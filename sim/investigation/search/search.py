@@ -7,11 +7,9 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 from sim.description.axis import MechanismEntry
-from sim.investigation.data.controller_law import DriveLaw
-from sim.investigation.data.preprocessing import STANDSTILL_SHARE
 from sim.investigation.estimation.estimate import Fit
 from sim.investigation.estimation.problem import Problem
-from sim.investigation.estimation.refit import multistart, rewhiten, with_slow_noise, without_known_noise
+from sim.investigation.estimation.refit import multistart, rewhiten, with_slow_noise
 from sim.investigation.estimation.whitening import LONG
 from sim.investigation.hypotheses.hypothesis import Key, Term
 from sim.investigation.hypotheses.traits import AS_NEW, mechanisms_with
@@ -36,7 +34,6 @@ from sim.investigation.search.proposals import (
     FEW_TRIES,
     MOST_TRIES,
     Rival,
-    elsewhere,
     faint,
     settled,
     try_terms,
@@ -57,7 +54,6 @@ LEAST_SWAP = 10.0  # drop of the squared residual
 LARGE = 0.01  # of the squared residual: what brings less waits until slow noise is known
 PLENTY = 0.1  # of the squared residual: a term whose lack costs more after a few steps is not needless
 SURE, MOST_HIDDEN = 1.0, 2  # tempered nats of what noise has hidden, and how many of those
-MOST_QUIET = 3  # rounds without the noise that the drive's law tells
 ENOUGH = 0.0  # tempered nats that a term must bring
 MORE = 4.0  # the same for what is as new or has no name: it only stands aside
 
@@ -67,8 +63,7 @@ class Selection:
     """The last fit; per accepted term what it gains over the fit without it, and its rivals when it came in.
 
     `found`: mechanisms of a size that matters; `fit` also has what is as new, so that nothing else is blamed for it,
-    and what has no name. `own_noise`: log likelihood of the fit over that without each name, both under noise of their
-    own, of those that act in the band of the motion.
+    and what has no name.
     """
 
     problem: Problem
@@ -79,7 +74,6 @@ class Selection:
     rejected: tuple[Rival, ...]
     found: tuple[Term, ...]
     standings: Mapping[Key, ModelComparison]
-    own_noise: Mapping[Key, float] = field(default_factory=dict)
 
     @property
     def nameless(self) -> tuple[Term, ...]:
@@ -88,11 +82,8 @@ class Selection:
         return tuple(sorted(spoken, key=lambda t: -self.gains[t.key]))
 
 
-def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None = None) -> Selection:
-    """Forward selection with refits, backward elimination after every step.
-
-    Where nothing came in, once more without the noise that `law` tells of the torque channel.
-    """
+def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
+    """Forward selection with refits, backward elimination after every step."""
     state = SelectionState(problem, base, described(problem, base))
     for step in range(MOST_ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
@@ -100,9 +91,6 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
             break
     state.settle()
     state.unmask()
-    if law is not None and state.is_empty and state.problem.runs.count <= LAST_RUNS:
-        progress("candidates without noise of the torque channel", 0.7)
-        state.quieten(law)
     return state.selection(base)
 
 
@@ -161,9 +149,6 @@ class SelectionState:
 
     def _take(self, tried: Sequence[Rival], entry: Entry) -> None:
         self.problem, self.fit = entry.problem, entry.fit
-        m = self.problem.measurement
-        if self.problem.has_contact_loss(self.fit.terms) and (m.rests or m.standstill < STANDSTILL_SHARE):
-            self.problem, self.fit = rewhiten(self.problem.down_to(STANDSTILL_SHARE), self.fit)
         self.entered |= entry.brought
         self.nearly = {**self.nearly, **{r.term.key: near_rivals(r, tried) for r in entry.new}}
         shortlist = tuple(r for r in tried if r.term.named)[:SHORTLIST]
@@ -187,13 +172,6 @@ class SelectionState:
             if not entry.new:
                 break
 
-    def quieten(self, law: DriveLaw) -> None:
-        """Let in what shows without the noise that `law` tells of the torque channel."""
-        rivals, nearly, entry = select_under_known_noise(self.problem, self.fit, law, self.entered)
-        if entry.new:
-            self.problem, self.fit, self.gains = entry.problem, entry.fit, dict(entry.brought)
-            self.rivals, self.nearly = {**self.rivals, **rivals}, {**self.nearly, **nearly}
-
     def selection(self, base: Fit) -> Selection:
         """What is in, each mechanism that matters compared with its rivals in its place."""
         problem, fit = self.problem, self.fit
@@ -209,32 +187,6 @@ class SelectionState:
 def is_reported(term: Term, fit: Fit) -> bool:
     """Whether a term is a mechanism of a size that matters, or something without a name."""
     return term.mechanism != AS_NEW and effect_size(term, fit) > LEAST_EFFECT
-
-
-def select_under_known_noise(
-    problem: Problem, fit: Fit, law: DriveLaw, entered: Mapping[Key, float]
-) -> tuple[Mapping[Key, tuple[Rival, ...]], NearRivals, Entry]:
-    """What comes in once the drive's law tells noise of the torque channel, the fit with it and what each term gains.
-
-    Nothing where it tells none, and where what comes in may as well be the noise at the load, which stays.
-    """
-    anew, more = without_known_noise(problem, fit, law)
-    rivals: dict[Key, tuple[Rival, ...]] = {}
-    nearly: NearRivals = {}
-    for _ in range(MOST_QUIET if anew is not problem else 0):
-        tried, entry = search(anew, more, entered, None)
-        if not entry.new:
-            break
-        anew, more = entry.problem, entry.fit
-        rivals |= {r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}
-        nearly = {**nearly, **{r.term.key: near_rivals(r, tried) for r in entry.new}}
-    if not rivals:
-        return rivals, nearly, Entry((), problem, fit)
-    anew, more, gains = prune(anew, more, strict=True)
-    named = [t for t in more.terms if t.named and is_reported(t, more)]
-    new = [r for t in named for r in rivals.get(t.key, ()) if r.term.key == t.key]
-    shaken = any(t.traits.shakes_load for t in named)  # which is all that is left then
-    return rivals, nearly, Entry((), problem, fit) if shaken else Entry(new, anew, more, gains)
 
 
 def select_hidden(problem: Problem, fit: Fit, entered: Mapping[Key, float]) -> tuple[list[Rival], Entry]:
@@ -462,15 +414,11 @@ def swap(
         if own is None or term.traits.in_every_axis:
             continue
         present = {t.key for t in fit.terms}
-        options = {r.term.key: [r] for r in elsewhere(problem, fit, own)}
-        for key, known in options.items():
-            known += [tried[key]] if key in tried else []
-        absent = [r for r in tried.values() if r.term.key not in present | options.keys()]
-        options |= {r.term.key: [r] for r in [r for r in absent if r.gain > SWAP_SHARE * own.gain][:SWAPS]}
+        absent = [r for r in tried.values() if r.term.key not in present]
+        options = [r for r in absent if r.gain > SWAP_SHARE * own.gain][:SWAPS]
 
-        def instead(known: Sequence[Rival], term: Term = term) -> Fit | None:
-            other = known[0].term
-            return in_place(problem, fit, term, other, [own_of(term, other, r.values) for r in known])
+        def instead(rival: Rival, term: Term = term) -> Fit | None:
+            return in_place(problem, fit, term, rival.term, [own_of(term, rival.term, rival.values)])
 
         @cache
         def less(term: Term = term) -> Fit:
@@ -478,16 +426,16 @@ def swap(
             return problem.fit(rest, fit.values, held=fit.sensitivities, to_end=True)
 
         best = fit
-        for (key, known), other in zip(options.items(), each(instead, options.values()), strict=True):
+        for known, other in zip(options, each(instead, options), strict=True):
             if other is None:
                 continue
-            rival = replace(known[0], gain=own.gain - (other.cost - fit.cost), values=other.values)
+            rival = replace(known, gain=own.gain - (other.cost - fit.cost), values=other.values)
             kept = present - {term.key} | {_key(entry) for entry in problem.axis.mechanisms}
             others = {k: gain for k, gain in entered.items() if k in kept}
             form = is_model_error(rival.term, rival.gain, others) and not is_model_error(term, own.gain, others)
             if form or not is_relevant(rival.term, effect_size(rival.term, other)):
                 continue  # it would not have come in, or be taken away again
-            tried[key] = rival
+            tried[rival.term.key] = rival
             margin = ahead(term if best is fit else best.terms[-1], rival.term)
             even = abs(other.cost - best.cost) < LEAST_SWAP and paired(advantage(best, other)) > margin
             even = even and predicts_unseen_rows(rival.term, less(), other)
