@@ -16,13 +16,7 @@ from signals.motion import HOP_HZ, Motion, Span, find_motion, loudness_db, runs_
 from signals.recording import Recording
 from signals.spectra import BandEnvelope, LongSpectrum, band_envelope, long_spectrum, low_pass
 from signals.synchronous_average import FALSE_ALARM, SMOOTH_S, Fold, fold, noise_peak_db
-from signals.transients import (
-    CHANGE_DB,
-    FALSE_ALARM_OF_EVENTS,
-    SLOW_S,
-    Unrepeated,
-    find_unrepeated,
-)
+from signals.transients import LIMITS, SLOW_S, Unrepeated, find_unrepeated
 
 ANALYSIS_RATE_HZ = 8000.0
 """Sample rate that every recording is brought to [Hz]; the paper's."""
@@ -290,14 +284,14 @@ class Analysis:
         if self.known_unrepeated is not None:
             return self.known_unrepeated
         traces = {band: trace for band, trace in self._traces.items() if trace is not None and self._filled(band)}
-        peaks_db = {band: self.noise_peak_db(band, FALSE_ALARM_OF_EVENTS) for band in traces}
-        changes_db = {band: max(CHANGE_DB, self._slow_noise_db(band)) for band in traces}
+        peaks_db = {band: self.noise_peak_db(band, LIMITS.false_alarm_of_events) for band in traces}
+        changes_db = {band: max(LIMITS.change_db, self._slow_noise_db(band)) for band in traces}
         return find_unrepeated(traces, peaks_db, changes_db, self.motion)
 
     def _slow_noise_db(self, band: Band) -> float:
         """Height over its median that noise hardly ever reaches in a level averaged over SLOW_S [dB]."""
         freedom = self.freedom(band) * SLOW_S / (1.5 * SMOOTH_S)
-        return noise_peak_db(1, freedom, max(1.0, self.duration_s / (2 * SLOW_S)), FALSE_ALARM_OF_EVENTS)
+        return noise_peak_db(1, freedom, max(1.0, self.duration_s / (2 * SLOW_S)), LIMITS.false_alarm_of_events)
 
     def _filled(self, band: Band) -> bool:
         """Whether the recording has more in a band than rounding: after a resampling it may not."""

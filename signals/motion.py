@@ -20,38 +20,53 @@ HOP_HZ = 200.0
 SMOOTH_HOPS = 16
 """Hops over which loudness is averaged before dips are looked for [1]: 80 ms, shorter than any standstill."""
 
-SMALLEST_DEPTH_DB = 1.5
-SMALLEST_FALL_DB = 2.0
-"""A machine that is less than this quieter at its reversals goes on sounding there: it turns steadily [dB]."""
-SMALLEST_DEPTH = 4.0
-"""Smallest depth of a dip over the scatter of the loudness from one smoothing length to the next [1].
-
-Between noise and its own 2nd percentile lie 2.6 standard deviations; this asks for 5.7.
-"""
-SMALLEST_DEPTH_EVEN = 2.5
-"""The same where most dips, three or more, are spaced evenly, which noise hardly ever does [1]."""
-
-SMALLEST_DEPTH_IRREGULAR = 8.0
-"""The same where the dips do not repeat: reversals without a period [1]."""
-
-LARGEST_UNEVENNESS = 0.06
-"""Share of the stroke by which evenly spaced dips may be early or late [1]."""
-
-LARGEST_QUIET_SHARE = 0.4
-"""Share of the time above which the quiet part is looked at again: it may hold slow strokes [1]."""
 
 CONTRADICTS = 0.05
 """Share by which a given period may differ from the one that is heard [1]."""
 
-FEWEST_TO_CONTRADICT = 4
-"""A period that is heard over so many reversals is used where the time of one way was given [1]."""
 
 AT_THE_END = 0.002
 """Share of the stroke within which an axis counts as standing at its end [1]."""
 
 SHORTEST_DIP_S = 0.04
-LONGEST_BURST_S = 0.2
-LARGEST_SCATTER = 0.1
+
+
+@dataclass(frozen=True)
+class MotionSearch:
+    """What is believed to be a reversal.
+
+    Args:
+        smallest_depth_db: less deep is no dip [dB].
+        smallest_fall_db: a machine that is less than this quieter at its reversals goes on sounding there: it
+            turns steadily [dB].
+        smallest_depth: smallest depth of a dip over the scatter of the loudness from one smoothing length to
+            the next [1]. Between noise and its own 2nd percentile lie 2.6 standard deviations; this asks for
+            5.7.
+        smallest_depth_even: the same where most dips, three or more, are spaced evenly, which noise hardly ever
+            does [1].
+        smallest_depth_irregular: the same where the dips do not repeat: reversals without a period [1].
+        largest_unevenness: share of the stroke by which evenly spaced dips may be early or late [1].
+        largest_quiet_share: share of the time above which the quiet part is looked at again: it may hold slow
+            strokes [1].
+        fewest_to_contradict: a period that is heard over so many reversals is used where the time of one way
+            was given [1].
+        longest_burst_s: a shorter sound within a standstill does not divide it [s].
+        largest_scatter: reversals repeat that are early or late by less than this share [1].
+    """
+
+    smallest_depth_db: float = 1.5
+    smallest_fall_db: float = 2.0
+    smallest_depth: float = 4.0
+    smallest_depth_even: float = 2.5
+    smallest_depth_irregular: float = 8.0
+    largest_unevenness: float = 0.06
+    largest_quiet_share: float = 0.4
+    fewest_to_contradict: int = 4
+    longest_burst_s: float = 0.2
+    largest_scatter: float = 0.1
+
+
+SEARCH = MotionSearch()
 
 
 class MotionSource(StrEnum):
@@ -124,7 +139,7 @@ def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 def quiet_runs(quiet: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the quiet stretches, as `runs_of`; a burst within one does not divide it."""
-    burst = int(LONGEST_BURST_S * HOP_HZ)
+    burst = int(SEARCH.longest_burst_s * HOP_HZ)
     closed = ndimage.binary_closing(np.pad(quiet, burst, mode="edge"), np.ones(burst, dtype=np.bool_))[burst:-burst]
     return runs_of(closed)
 
@@ -148,7 +163,7 @@ def find_motion(level_db: NDArray[np.float32], condition: OperatingCondition) ->
         return Motion()
     dips, depth_db, clarity = find_dips(level_db)
     heard, repeats, needed = _reversals(dips)
-    if clarity < needed or _fall_db(level_db, heard) < SMALLEST_FALL_DB:
+    if clarity < needed or _fall_db(level_db, heard) < SEARCH.smallest_fall_db:
         dips, heard = [], ()
     quiet_s = _quiet(dips, heard)
     heard_period = 2 * _spacing(heard) if repeats and len(heard) > 1 else None
@@ -159,7 +174,7 @@ def find_motion(level_db: NDArray[np.float32], condition: OperatingCondition) ->
         period, times = heard_period, heard
     else:
         source = MotionSource.GIVEN
-        if heard_period is not None and not given and len(heard) >= FEWEST_TO_CONTRADICT:
+        if heard_period is not None and not given and len(heard) >= SEARCH.fewest_to_contradict:
             one_way = period is not None and abs(heard_period / period / 2 - 1) <= CONTRADICTS
             period = heard_period if one_way else period
         period = period or heard_period
@@ -205,10 +220,10 @@ def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Span], float, float]:
     smooth, plateau, floor, scatter = _smoothed(level_db)
     depth = plateau - floor
     clarity = depth / scatter if scatter > 0 else np.inf
-    if depth < SMALLEST_DEPTH_DB or clarity < SMALLEST_DEPTH_EVEN:
+    if depth < SEARCH.smallest_depth_db or clarity < SEARCH.smallest_depth_even:
         return [], depth, clarity
     quiet = smooth < (plateau + floor) / 2
-    if np.mean(quiet) > LARGEST_QUIET_SHARE:
+    if np.mean(quiet) > SEARCH.largest_quiet_share:
         slow = float(np.percentile(smooth[quiet], 70))
         if slow - floor > depth / 4:
             quiet = smooth < (slow + floor) / 2
@@ -222,10 +237,10 @@ def _reversals(dips: list[Span]) -> tuple[tuple[float, ...], bool, float]:
     centres = np.array([dip.centre_s for dip in dips])
     even = even_times(centres)
     if even.size:
-        return tuple(even.tolist()), True, SMALLEST_DEPTH_EVEN
+        return tuple(even.tolist()), True, SEARCH.smallest_depth_even
     pairs = centres[2:] - centres[:-2]
-    repeats = pairs.size == 0 or bool(np.ptp(pairs) <= LARGEST_SCATTER * float(np.median(pairs)))
-    return tuple(centres.tolist()), repeats, SMALLEST_DEPTH if repeats else SMALLEST_DEPTH_IRREGULAR
+    repeats = pairs.size == 0 or bool(np.ptp(pairs) <= SEARCH.largest_scatter * float(np.median(pairs)))
+    return tuple(centres.tolist()), repeats, SEARCH.smallest_depth if repeats else SEARCH.smallest_depth_irregular
 
 
 def even_times(times: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -240,11 +255,11 @@ def even_times(times: NDArray[np.float64]) -> NDArray[np.float64]:
     most, typical = 2, float(np.median(np.diff(times)))
     for anchor in times:
         count = np.rint((times - anchor) / typical)
-        near = np.abs(times - anchor - count * typical) <= LARGEST_UNEVENNESS * typical * (1 + np.abs(count) / 3)
+        near = np.abs(times - anchor - count * typical) <= SEARCH.largest_unevenness * typical * (1 + np.abs(count) / 3)
         if np.unique(count[near]).size < 3:
             continue
         stroke, first = np.polyfit(count[near], times[near], 1)
-        on = near & (np.abs(times - first - count * stroke) <= LARGEST_UNEVENNESS * stroke)
+        on = near & (np.abs(times - first - count * stroke) <= SEARCH.largest_unevenness * stroke)
         taken = np.unique(count[on])
         places = taken[-1] - taken[0] + 1 if taken.size else np.inf
         enough = taken.size >= (3 if taken.size == times.size else 4)

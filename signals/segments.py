@@ -14,23 +14,39 @@ from scipy import ndimage
 
 from signals.motion import HOP_HZ, SHORTEST_DIP_S, SMOOTH_HOPS, Span, quiet_runs
 
-RANGE_DB = 60.0
-"""Levels further below the loudest tenth are all the same silence [dB]."""
-PLATEAU_DB = 8.0
-"""The plateau is the median of what is at most so far below the loudest tenth [dB]."""
-LEAST_FALL_DB = 2.0
-LEAST_FALL = 4.0
-"""Quiet is what falls so many times the scatter of the loudness below the plateau [1]; noise hardly ever does."""
-SHORTEST_EDGE_S = 0.15
-"""Quiet of less at the start or the end is left as it is: it may be half of a reversal [s]."""
-SILENCE_DB = 6.0
-"""Quiet at an edge that is so far below the usual standstill is the recorder's, however short [dB]."""
-PAUSE_TIMES = 4.0
-"""A standstill so many times as long as the usual one is a pause [1]."""
-SHORTEST_PAUSE_S = 1.5
-MARGIN_S = 0.05
-"""Left out beside silence, for it may end with a click of the recorder [s]."""
-ROUNDS = 3
+
+@dataclass(frozen=True)
+class SegmentLimits:
+    """How a recording is divided.
+
+    Args:
+        range_db: levels further below the loudest tenth are all the same silence [dB].
+        plateau_db: the plateau is the median of what is at most so far below the loudest tenth [dB].
+        least_fall_db, least_fall: quiet is what falls so far [dB], and so many times the scatter of the loudness
+            [1], below the plateau; noise hardly ever does.
+        shortest_edge_s: quiet of less at the start or the end is left as it is: it may be half of a reversal
+            [s].
+        silence_db: quiet at an edge that is so far below the usual standstill is the recorder's, however short
+            [dB].
+        pause_times: a standstill so many times as long as the usual one is a pause [1].
+        shortest_pause_s: a standstill of less is no pause [s].
+        margin_s: left out beside silence, for it may end with a click of the recorder [s].
+        rounds: so often what is left is divided again [1].
+    """
+
+    range_db: float = 60.0
+    plateau_db: float = 8.0
+    least_fall_db: float = 2.0
+    least_fall: float = 4.0
+    shortest_edge_s: float = 0.15
+    silence_db: float = 6.0
+    pause_times: float = 4.0
+    shortest_pause_s: float = 1.5
+    margin_s: float = 0.05
+    rounds: int = 3
+
+
+LIMITS = SegmentLimits()
 
 
 @dataclass(frozen=True)
@@ -65,7 +81,7 @@ class _Quiet:
     def is_silence(self, run: tuple[int, int]) -> bool:
         """Whether it is so much quieter than standstills that nothing was recorded."""
         level_db = float(np.median(self.level_db[run[0] : run[1]]))
-        return run[1] - run[0] >= SHORTEST_EDGE_S * HOP_HZ and level_db < self.floor_db - SILENCE_DB
+        return run[1] - run[0] >= LIMITS.shortest_edge_s * HOP_HZ and level_db < self.floor_db - LIMITS.silence_db
 
     def at_edges(self) -> list[tuple[int, int]]:
         return [run for run in self.runs if run[0] == 0 or run[1] == self.size]
@@ -81,7 +97,7 @@ def find_segments(level_db: NDArray[np.float32]) -> Segments:
     pauses: list[tuple[int, int]] = []
     others: list[tuple[int, int]] = []
     piece = whole
-    for _ in range(ROUNDS):
+    for _ in range(LIMITS.rounds):
         left_out = _divided(level_db[piece[0] : piece[1]], piece[0])
         if left_out is None:
             break
@@ -90,7 +106,7 @@ def find_segments(level_db: NDArray[np.float32]) -> Segments:
         pauses += between
         piece = max(pieces, key=lambda each: each[1] - each[0])
         others += [each for each in pieces if each != piece]
-    margin = round(MARGIN_S * HOP_HZ)
+    margin = round(LIMITS.margin_s * HOP_HZ)
     start = piece[0] + (margin if piece[0] > 0 else 0)
     end = piece[1] - (margin if piece[1] < level_db.size else 0)
     if end - start < 2 * margin:
@@ -112,10 +128,10 @@ def _divided(level_db: NDArray[np.float32], offset: int) -> tuple[Runs, Runs, Ru
         return None
     lengths = np.array([end - start for start, end in quiet.inside()])
     usual = float(np.median(lengths)) if lengths.size > 1 else float("nan")
-    shortest = SHORTEST_EDGE_S * HOP_HZ if np.isnan(usual) else max(SHORTEST_EDGE_S * HOP_HZ, 1.2 * usual)
+    shortest = LIMITS.shortest_edge_s * HOP_HZ if np.isnan(usual) else max(LIMITS.shortest_edge_s * HOP_HZ, 1.2 * usual)
     edges = [run for run in quiet.at_edges() if run[1] - run[0] >= shortest or quiet.is_silence(run)]
-    least = SHORTEST_PAUSE_S * HOP_HZ
-    least = least if np.isnan(usual) else max(least, PAUSE_TIMES * float(np.min(lengths)), 2 * usual)
+    least = LIMITS.shortest_pause_s * HOP_HZ
+    least = least if np.isnan(usual) else max(least, LIMITS.pause_times * float(np.min(lengths)), 2 * usual)
     pauses = [run for run in quiet.inside() if run[1] - run[0] >= least]
     if not edges and not pauses:
         return None
@@ -133,12 +149,12 @@ def _quiet(level_db: NDArray[np.float32]) -> _Quiet | None:
     if level_db.size <= 4 * SMOOTH_HOPS:
         return None
     loud = float(np.percentile(level_db, 90))
-    smooth = ndimage.uniform_filter1d(np.maximum(level_db, loud - RANGE_DB).astype(np.float64), SMOOTH_HOPS)
+    smooth = ndimage.uniform_filter1d(np.maximum(level_db, loud - LIMITS.range_db).astype(np.float64), SMOOTH_HOPS)
     top = float(np.percentile(smooth, 90))
-    plateau = float(np.median(smooth[smooth >= top - PLATEAU_DB]))
+    plateau = float(np.median(smooth[smooth >= top - LIMITS.plateau_db]))
     steps = np.abs(np.diff(smooth[::SMOOTH_HOPS]))
     scatter = 1.4826 * float(np.median(steps)) / np.sqrt(2)
-    runs = quiet_runs(smooth < plateau - max(LEAST_FALL_DB, LEAST_FALL * scatter))
+    runs = quiet_runs(smooth < plateau - max(LIMITS.least_fall_db, LIMITS.least_fall * scatter))
     inside = [run for run in runs if run[0] > 0 and run[1] < smooth.size and _long(run)]
     told = inside or [run for run in runs if _long(run)]
     if not told:

@@ -21,25 +21,40 @@ from signals.band import Band
 from signals.motion import HOP_HZ, Motion, Span, runs_of
 
 Floats = NDArray[np.float64]
-EARLY_OR_LATE_S = 0.02
-"""By so much a repetition may be early or late [s], as cycles scatter."""
-FALSE_ALARM_OF_EVENTS = 0.001
-"""Probability with which noise alone is taken for an event, per recording and band [1]."""
-KNOCK_DB = 6.0
-"""A knock of the machine comes with half to twice its amplitude in the next cycle [dB]."""
-CHANGE_DB = 3.0
-"""The machine is not twice as loud in one cycle as in the others [dB]."""
 SLOW_HOPS, SLOW_S = 5, 0.1
 """Levels are averaged over four times so many hops [1], so long [s], when they are held against other cycles."""
-EDGE_S = 0.05
-"""At the ends of the record a line rings where it was mirrored; a knock there is not told from that [s]."""
-AROUND_S = 0.04
-"""Left out on either side of an event: its beginning and its ringing [s]."""
-SHORTEST_CHANGE_S = 0.1
-LONGEST_KNOCK_S = 0.4
-"""A blow and its ringing last no longer [s]; what does is a sound."""
-KEPT_BY_CHANCE = 0.05
-"""Probability with which knocks that know nothing of the axis are taken for its own [1]."""
+
+
+@dataclass(frozen=True)
+class TransientLimits:
+    """When one stroke has something that the others have not.
+
+    Args:
+        early_or_late_s: by so much a repetition may be early or late [s], as cycles scatter.
+        false_alarm_of_events: probability with which noise alone is taken for an event, per recording and band
+            [1].
+        knock_db: a knock of the machine comes with half to twice its amplitude in the next cycle [dB].
+        change_db: the machine is not twice as loud in one cycle as in the others [dB].
+        edge_s: at the ends of the record a line rings where it was mirrored; a knock there is not told from
+            that [s].
+        around_s: left out on either side of an event: its beginning and its ringing [s].
+        shortest_change_s: a level that differs for less is no event [s].
+        longest_knock_s: a blow and its ringing last no longer [s]; what does is a sound.
+        kept_by_chance: probability with which knocks that know nothing of the axis are taken for its own [1].
+    """
+
+    early_or_late_s: float = 0.02
+    false_alarm_of_events: float = 0.001
+    knock_db: float = 6.0
+    change_db: float = 3.0
+    edge_s: float = 0.05
+    around_s: float = 0.04
+    shortest_change_s: float = 0.1
+    longest_knock_s: float = 0.4
+    kept_by_chance: float = 0.05
+
+
+LIMITS = TransientLimits()
 
 
 @dataclass(frozen=True)
@@ -92,17 +107,17 @@ def find_unrepeated(
     if fast is None or slow is None:
         return None
     heights, excesses, share = {}, {}, {}
-    edge = round(EDGE_S * HOP_HZ)
+    edge = round(LIMITS.edge_s * HOP_HZ)
     knocks, changes = np.zeros(fast.size, np.bool_), np.zeros(slow.size, np.bool_)
     for band, trace in traces.items():
-        heights[band] = fast.above(_level_db(trace[:size]), peaks_db[band], KNOCK_DB)
-        knocks[edge:-edge] |= heights[band][edge:-edge] > KNOCK_DB
+        heights[band] = fast.above(_level_db(trace[:size]), peaks_db[band], LIMITS.knock_db)
+        knocks[edge:-edge] |= heights[band][edge:-edge] > LIMITS.knock_db
         excess = slow.differs(_level_db(_averaged(trace[:size])))
         excesses[band] = np.nan_to_num(excess)
         judged = np.isfinite(excess)
-        share[band] = float(np.mean(np.abs(excess[judged]) > CHANGE_DB)) if judged.any() else 0.0
+        share[band] = float(np.mean(np.abs(excess[judged]) > LIMITS.change_db)) if judged.any() else 0.0
         changes |= np.abs(excesses[band]) > changes_db[band]
-    changes = ndimage.binary_opening(changes, np.ones(round(SHORTEST_CHANGE_S * HOP_HZ / SLOW_HOPS), np.bool_))
+    changes = ndimage.binary_opening(changes, np.ones(round(LIMITS.shortest_change_s * HOP_HZ / SLOW_HOPS), np.bool_))
     changed = np.repeat(changes, SLOW_HOPS)
     knocks[: changed.size] |= changed
     events = [_event(span, heights, excesses) for span in _spans(knocks)]
@@ -147,7 +162,7 @@ class _Strokes:
         hops = np.rint(centres * rate_hz).astype(np.intp)
         index = hops[:, None] + np.arange(width) - width // 2
         inside = (index >= 0) & (index < size)
-        return cls(hops, np.clip(index, 0, size - 1), inside, size, round(EARLY_OR_LATE_S * rate_hz))
+        return cls(hops, np.clip(index, 0, size - 1), inside, size, round(LIMITS.early_or_late_s * rate_hz))
 
     def above(self, level_db: Floats, least_db: float, least_excess_db: float) -> Floats:
         """Return by how much what is above a level stands out of the other strokes, shape (n,); 0 elsewhere."""
@@ -191,7 +206,7 @@ def _is_own(event: Event, levels_db: Mapping[Band, Floats], peaks_db: Mapping[Ba
     """
     from scipy.special import bdtrc  # slow to import
 
-    around = round(AROUND_S * HOP_HZ)
+    around = round(LIMITS.around_s * HOP_HZ)
     first, last = round(event.span.start_s * HOP_HZ) + around, round(event.span.end_s * HOP_HZ) - around
     if not event.knock or last <= first:
         return False
@@ -202,12 +217,12 @@ def _is_own(event: Event, levels_db: Mapping[Band, Floats], peaks_db: Mapping[Ba
     windows = [slice(first + by - strokes.tolerance, last + by + strokes.tolerance) for by in shifts.tolist()]
     highest = [float(level_db[each].max()) for each in windows if each.start >= 0 and each.stop <= level_db.size]
     struck = sum(each > peaks_db[band] for each in highest)
-    if not struck or float(level_db[first:last].max()) - max(highest) > KNOCK_DB:
+    if not struck or float(level_db[first:last].max()) - max(highest) > LIMITS.knock_db:
         return False
     width = last - first + 2 * strokes.tolerance
     anywhere = ndimage.maximum_filter1d((level_db > peaks_db[band]).astype(np.int8), width)
     elsewhere = np.concatenate([anywhere[: max(0, first - width)], anywhere[last + width :]])
-    return elsewhere.size > 0 and bool(bdtrc(struck - 1, len(highest), float(elsewhere.mean())) < KEPT_BY_CHANCE)
+    return elsewhere.size > 0 and bool(bdtrc(struck - 1, len(highest), float(elsewhere.mean())) < LIMITS.kept_by_chance)
 
 
 def _median_of_others(rows: Floats, *, upper: bool) -> Floats:
@@ -227,7 +242,7 @@ def _median_of_others(rows: Floats, *, upper: bool) -> Floats:
 
 def _spans(mask: NDArray[np.bool_]) -> list[Span]:
     """Return where a mask, `HOP_HZ` values per second, is true and a little around it."""
-    around = round(AROUND_S * HOP_HZ)
+    around = round(LIMITS.around_s * HOP_HZ)
     wide = ndimage.binary_dilation(mask, np.ones(2 * around + 1, np.bool_)) if mask.any() else mask
     return [Span(first / HOP_HZ, last / HOP_HZ) for first, last in runs_of(wide)]
 
@@ -240,4 +255,4 @@ def _event(span: Span, heights: Mapping[Band, Floats], excesses: Mapping[Band, F
         inside = np.concatenate([each[int(span.start_s * hz) : int(np.ceil(span.end_s * hz))] for each, hz in parts])
         highest[band] = float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
     louder = max(highest.values(), key=abs, default=0.0) > 0
-    return Event(span, highest, louder and span.duration_s <= LONGEST_KNOCK_S + 2 * AROUND_S)
+    return Event(span, highest, louder and span.duration_s <= LIMITS.longest_knock_s + 2 * LIMITS.around_s)

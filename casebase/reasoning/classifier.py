@@ -28,16 +28,11 @@ from scipy import special
 from casebase.labels import BASELINES
 from casebase.reasoning.novelty import follow_motion, kinds, moderated, spread_out
 from casebase.reasoning.priors import even_weights, prior_weights
+from casebase.reasoning.tuning import TUNING
 from casebase.search.case_table import CaseTable
 from casebase.search.similarity import Floats, Metric, pooled_scales
 
-STRENGTHS = (0.03, 0.1, 0.3, 1.0)
-"""Inverse strengths of the prior that are tried."""
-USUAL_STRENGTH = 0.3
-MOSTLY = 0.5
 LARGEST_SAMPLE = 800
-USUAL_SLOPE = 2.7
-"""Of the score: a regression drawn to a prior is less sure than it could be (1.0 to 4.5 on seven libraries)."""
 
 
 @dataclass(frozen=True)
@@ -68,11 +63,11 @@ class Calibration:
 
         def loss(parameters: Floats) -> float:
             offset, bend = parameters
-            logit = offset + USUAL_SLOPE * np.exp(bend) * scores
+            logit = offset + TUNING.usual_slope * np.exp(bend) * scores
             return float((np.logaddexp(0, logit) - right * logit).sum() + 0.5 * (offset**2 + bend**2))
 
         offset, bend = minimize(loss, np.zeros(2)).x
-        return cls(float(offset), float(USUAL_SLOPE * np.exp(bend)), 1 - 1 / (scores.size + 2), scores.size)
+        return cls(float(offset), float(TUNING.usual_slope * np.exp(bend)), 1 - 1 / (scores.size + 2), scores.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +119,7 @@ def weights_for(names: tuple[str, ...], values: NDArray[np.floating]) -> Floats:
     Args:
         values: of the cases, shape (cases, n).
     """
-    moves = len(values) > 0 and float(follow_motion(names, values).mean()) >= MOSTLY
+    moves = len(values) > 0 and float(follow_motion(names, values).mean()) >= TUNING.mostly
     return prior_weights(names) if moves else even_weights(names)
 
 
@@ -193,10 +188,10 @@ class Classifier:
 
     def _chosen(self, parts: NDArray[np.intp]) -> tuple[HeldOut, float]:
         """Return what is said of cases left out by the strength under which they are most probable."""
-        tried = [(self._held_out(parts, strength), strength) for strength in STRENGTHS]
+        tried = [(self._held_out(parts, strength), strength) for strength in TUNING.strengths]
         known = [(float(held_out.losses().mean()), -strength) for held_out, strength in tried if held_out.truth.size]
         if not known:
-            return tried[0][0], USUAL_STRENGTH
+            return tried[0][0], TUNING.usual_strength
         return next(each for each in tried if each[1] == -min(known)[1])
 
     def _held_out(self, parts: NDArray[np.intp], strength: float) -> HeldOut:

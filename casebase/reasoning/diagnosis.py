@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from casebase.labels import BASELINES
 from casebase.reasoning.classifier import Classifier, log_odds, weights_for
 from casebase.reasoning.explanation import Evidence, feature_evidence, motion_evidence, novelty_evidence
-from casebase.reasoning.novelty import LEVEL, Likeness, follow_motion, likenesses, nearly_all_move
+from casebase.reasoning.novelty import Likeness, follow_motion, likenesses, nearly_all_move
 from casebase.reasoning.priors import prior_weights
+from casebase.reasoning.tuning import TUNING
 from casebase.search.case_selection import compared, fitted
 from casebase.search.case_table import CaseTable, Mask
 from casebase.search.retrieval import CaseMatrix, Match, NearestByClass, metric_of
@@ -24,8 +25,6 @@ DIAGNOSED_FROM = 0.9
 """A label of less probability is `ambiguous`: what is diagnosed is right nine times in ten."""
 EXCLUDED_BELOW = 0.1
 """A label of a smaller p-value is left out of the prediction set, which holds the truth nine times in ten."""
-PRESENT = 0.5
-"""A second fault is listed from there on: it is then more probable than not."""
 NEIGHBOURS, SUPPORTING = 5, 3
 FEWEST_FOR_P_VALUE = 19
 """A p-value of so many cases can fall to 0.05."""
@@ -104,7 +103,7 @@ class Diagnosis:
             "quality": [flag.to_document() for flag in self.quality],
             "novelty": {
                 "distance": None if self.p_value is None else -float(np.log10(max(self.p_value, 1e-300))),
-                "threshold": None if self.p_value is None else -float(np.log10(LEVEL)),
+                "threshold": None if self.p_value is None else -float(np.log10(TUNING.level)),
             },
             "remarks": list(self.remarks),
         }
@@ -152,7 +151,7 @@ class Judgement:
     @property
     def novel(self) -> bool:
         """Whether the recording is unlike the cases of the leading label."""
-        return self.still or (self.p_value is not None and self.p_value < LEVEL)
+        return self.still or (self.p_value is not None and self.p_value < TUNING.level)
 
     def verdict(self, poor: bool = False) -> str:
         """Return `not_in_library`, `ambiguous` or `diagnosed`.
@@ -333,7 +332,7 @@ class Reasoner:
             if each.label not in BASELINES:
                 beside = classifier.superposed(values, best.label, each.label, BASELINES)
                 found.append(Fault(each.label, min(each.probability + best.probability * beside, best.probability)))
-        present = [each for each in found if each.probability > PRESENT]
+        present = [each for each in found if each.probability > TUNING.present]
         return (Fault(best.label, best.probability), *sorted(present, key=lambda fault: -fault.probability))
 
     def _evidence(

@@ -2,8 +2,8 @@
 
 Every feature of a recording is held against the cases of a label: a Student's t of the difference from their mean over
 gearboxes, with the scatter between gearboxes and within. Few gearboxes say little of a scatter, so that of each feature
-is drawn towards the mean of its kind, as if PRIOR_FREEDOM more gearboxes had shown that one. Noise and filtering of the
-recorder are no matter of the gearbox, so there every recording of the library counts for itself. The p-values of all
+is drawn towards the mean of its kind, as if `Tuning.prior_freedom` more gearboxes had shown that one. Noise and
+filtering of the recorder are no matter of the gearbox, so there every recording of the library counts for itself. The p-values of all
 features become one by their harmonic mean, half of it with every kind counting the same and half with each feature
 counting by what it tells of kinds of faults (`casebase.reasoning.priors`); it holds however they depend on each other.
 
@@ -24,27 +24,20 @@ from scipy import special
 
 from casebase.labels import BASELINES
 from casebase.reasoning.priors import kind_weights, repeatability
+from casebase.reasoning.tuning import TUNING
 from casebase.search.case_table import CaseTable, Mask
 from casebase.search.similarity import Floats
 from signals.features import FEATURES
-from signals.motion import SMALLEST_DEPTH_EVEN
+from signals.motion import SEARCH
 
-PRIOR_FREEDOM = 3.0
-"""How alike the scatters of one kind of features are: as if each were known from so many gearboxes (Smyth's estimate
-from normal recordings of ten gearboxes: 2.5 to 3.3 on four draws of the field bank, 1.9 on shared recordings)."""
 FEWEST_GEARBOXES, LARGEST_SAMPLE = 2, 2000
 SMALLEST_P = 1e-300
 RATIOS, SMALLEST_RATIO = ("crest_factor", "kurtosis"), 1e-3
-LEVEL = 0.02
-"""A recording of a known label, of a gearbox that the library has not seen, gets a smaller p-value so seldom."""
 SIZES = (0.5, 0.75, 1.0, 1.25, 1.5)
 NOISE = "noise_on_the_way_12_200_hz"
 RECORDER = ("low_band_level", NOISE)
 """What microphone, filter and surroundings make of the sound."""
-RECORDER_SCATTER_DB = 1.0
-"""Levels of two recordings differ by so much where the microphone was put up again [dB]."""
 FALL, FOLDED, CYCLES = "loudness_fall_over_scatter", "notch_bump_12_200_hz", "cycles_left"
-NEARLY_ALL = 0.95
 
 
 @lru_cache
@@ -70,7 +63,7 @@ def smallest_scatter(names: tuple[str, ...]) -> Floats:
     What speaks of the sound's colour and not of the gear differs as two microphones do.
     """
     colour = {each.name for family in FEATURES if not family.of_the_gear for each in family.definitions}
-    return np.where([name in colour for name in names], RECORDER_SCATTER_DB, repeatability(names))
+    return np.where([name in colour for name in names], TUNING.recorder_scatter_db, repeatability(names))
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,11 +171,11 @@ def _likeness(table: CaseTable, rows: Mask, everything: Mask) -> Likeness | None
     scale = np.sqrt(np.where(counts, variance, 1.0) * (1 + 1 / np.maximum(count, 1)))
     highest = np.where([name == NOISE for name in table.names], 0.0, np.inf)
     center, scale = np.where(counts, center, 0.0), np.maximum(scale, 1e-12)
-    return Likeness(table.names, center, scale, freedom + PRIOR_FREEDOM, share, np.zeros(kind.size), highest)
+    return Likeness(table.names, center, scale, freedom + TUNING.prior_freedom, share, np.zeros(kind.size), highest)
 
 
 def moderated(variance: Floats, freedom: Floats | float, kind: NDArray[np.intp]) -> Floats:
-    """Return variances drawn to the mean of their kind as if that had been seen with PRIOR_FREEDOM degrees of freedom.
+    """Return variances drawn to the mean of their kind as if `Tuning.prior_freedom` degrees of freedom had shown that.
 
     Args:
         variance: shape (n,); freedom: with which each was estimated; kind: of each, -1 where it stays as it is.
@@ -190,7 +183,7 @@ def moderated(variance: Floats, freedom: Floats | float, kind: NDArray[np.intp])
     drawn = np.array(variance, np.float64)
     for each in np.unique(kind[kind >= 0]):
         drawn[kind == each] = variance[kind == each].mean()
-    return np.asarray((freedom * variance + PRIOR_FREEDOM * drawn) / (freedom + PRIOR_FREEDOM))
+    return np.asarray((freedom * variance + TUNING.prior_freedom * drawn) / (freedom + TUNING.prior_freedom))
 
 
 def comparable(names: tuple[str, ...], values: NDArray[np.floating]) -> Floats:
@@ -242,12 +235,12 @@ def follow_motion(names: tuple[str, ...], values: NDArray[np.floating]) -> Mask:
     if not {FALL, FOLDED, CYCLES} <= set(names):
         return np.zeros(len(values), dtype=np.bool_)
     fall, folded, cycles = (values[:, names.index(name)] for name in (FALL, FOLDED, CYCLES))
-    return np.asarray(np.isfinite(folded) & (fall >= SMALLEST_DEPTH_EVEN) & (cycles > 0))
+    return np.asarray(np.isfinite(folded) & (fall >= SEARCH.smallest_depth_even) & (cycles > 0))
 
 
 def nearly_all_move(names: tuple[str, ...], values: NDArray[np.floating]) -> bool:
     """Return whether nearly all cases follow a motion, so that a recording that does not is of none of them."""
-    return bool(len(values) and follow_motion(names, values).mean() >= NEARLY_ALL)
+    return bool(len(values) and follow_motion(names, values).mean() >= TUNING.nearly_all)
 
 
 def spread_out(rows: NDArray[Any], most: int) -> NDArray[Any]:

@@ -20,25 +20,43 @@ from signals.recording_quality.quality import QualityFlag, Severity, assess, con
 from signals.segments import Segments, find_segments
 from signals.transients import Event
 
-MOST_LEFT_OUT = 0.5
-"""Where more than this share would be left out, what is left is the disturbance, and nothing is left out [1]."""
-AS_LIKELY_AS_NOT = 0.5
-"""So many places at which chance puts a disturbance into most cycles at once, and nothing that repeats counts [1]."""
-DISTURBED_S = 0.5
-"""How long a disturbance lasts about: places so far apart are disturbed independently [s]."""
-LONGEST_GAP_S = 0.5
-"""Lost samples for longer are silence or a pause [s]."""
-FEW_KNOCKS = 3
-FEWEST_FOR_RHYTHM = 5
-REGULAR = 0.1
-"""Scatter of the times between events, over their mean, below which they have a rhythm of their own [1]."""
-GAIN_DB = 2.0
-"""So much louder just after a start than before braking is a recorder that had turned up its gain [dB]."""
-GAIN_FALL_DB = 13.0
-"""With such gain it is less than this quieter at standstill: of six such recordings five, of good recorders a third."""
-MISSING_DB = -24.0
-"""Below 120 Hz so little per hertz, against 250 to 500 Hz, is a high-pass and no gear [dB]."""
-NOISY_FALL_DB = 10.0
+
+@dataclass(frozen=True)
+class DisturbanceLimits:
+    """When something is a disturbance.
+
+    Args:
+        most_left_out: where more than this share would be left out, what is left is the disturbance, and
+            nothing is left out [1].
+        as_likely_as_not: so many places at which chance puts a disturbance into most cycles at once, and
+            nothing that repeats counts [1].
+        disturbed_s: how long a disturbance lasts about: places so far apart are disturbed independently [s].
+        longest_gap_s: lost samples for longer are silence or a pause [s].
+        few_knocks: more are named together [1].
+        fewest_for_rhythm, regular: so many events have a rhythm of their own where the times between them scatter
+            by less than this share of their mean [1].
+        gain_db: so much louder just after a start than before braking is a recorder that had turned up its gain
+            [dB].
+        gain_fall_db: with such gain it is less than this quieter at standstill: of six such recordings five, of
+            good recorders a third.
+        missing_db: below 120 Hz so little per hertz, against 250 to 500 Hz, is a high-pass and no gear [dB].
+        noisy_fall_db: where it is not even this much quieter at standstill, noise is named [dB].
+    """
+
+    most_left_out: float = 0.5
+    as_likely_as_not: float = 0.5
+    disturbed_s: float = 0.5
+    longest_gap_s: float = 0.5
+    few_knocks: int = 3
+    fewest_for_rhythm: int = 5
+    regular: float = 0.1
+    gain_db: float = 2.0
+    gain_fall_db: float = 13.0
+    missing_db: float = -24.0
+    noisy_fall_db: float = 10.0
+
+
+LIMITS = DisturbanceLimits()
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +96,7 @@ def survey(recording: Recording, condition: OperatingCondition) -> Survey:
     unrepeated = piece.unrepeated
     events = () if unrepeated is None else tuple(event.span for event in unrepeated.events)
     left_out = _united((*lost, *events))
-    if events and sum(span.duration_s for span in left_out) <= MOST_LEFT_OUT * piece.duration_s:
+    if events and sum(span.duration_s for span in left_out) <= LIMITS.most_left_out * piece.duration_s:
         piece = replace(piece, left_out=left_out, known_motion=piece.motion, known_unrepeated=unrepeated)
     return Survey(recording, piece, segments, lost)
 
@@ -92,7 +110,7 @@ def _lost(recording: Recording) -> tuple[Span, ...]:
     return tuple(
         Span(max(0.0, span.start_s - 1 / HOP_HZ), min(duration_s, span.end_s + 1 / HOP_HZ))
         for span in spans
-        if span.duration_s <= LONGEST_GAP_S and span.start_s > edge_s and span.end_s < duration_s - edge_s
+        if span.duration_s <= LIMITS.longest_gap_s and span.start_s > edge_s and span.end_s < duration_s - edge_s
     )
 
 
@@ -171,18 +189,18 @@ def unrepeated(surveyed: Survey) -> Iterator[QualityFlag]:
     events, worst = found.events, max(found.share.values())
     left_out = bool(surveyed.analysis.left_out) or not events
     by_chance = _chance_repetitions(surveyed.analysis.motion, worst)
-    severity = Severity.POOR if by_chance > AS_LIKELY_AS_NOT or not left_out else Severity.NOTE
+    severity = Severity.POOR if by_chance > LIMITS.as_likely_as_not or not left_out else Severity.NOTE
     knocks = [event for event in events if event.knock]
     changes = [event for event in events if not event.knock and max(map(abs, event.excess_db.values())) > 0]
     low = [event for event in changes if _is_low(event)]
     high = [event for event in changes if not _is_low(event)]
     what_then = "left out" if severity is Severity.NOTE else "too often for what repeats to be the machine's alone"
-    if len(knocks) >= FEWEST_FOR_RHYTHM and _regular(knocks):
+    if len(knocks) >= LIMITS.fewest_for_rhythm and _regular(knocks):
         every_s = float(np.median(np.diff([event.span.start_s for event in knocks])))
         yield _named(
             "second_machine", severity, knocks, surveyed, f"something strikes every {every_s:.2f} s, {what_then}"
         )
-    elif len(knocks) > FEW_KNOCKS:
+    elif len(knocks) > LIMITS.few_knocks:
         yield _named("handling", severity, knocks, surveyed, f"{len(knocks)} knocks that do not repeat, {what_then}")
     else:
         for event in knocks:
@@ -203,7 +221,7 @@ def _chance_repetitions(motion: Motion, share: float) -> float:
         return 0.0
     cycles = max(1, round(motion.cycles))
     needed = cycles // 2 + 1
-    return math.comb(cycles, needed) * share**needed * motion.period_s / 2 / DISTURBED_S
+    return math.comb(cycles, needed) * share**needed * motion.period_s / 2 / LIMITS.disturbed_s
 
 
 def _is_low(event: Event) -> bool:
@@ -213,7 +231,7 @@ def _is_low(event: Event) -> bool:
 
 def _regular(events: Sequence[Event]) -> bool:
     apart = np.diff([event.span.start_s for event in events])
-    return bool(np.std(apart) < REGULAR * np.mean(apart))
+    return bool(np.std(apart) < LIMITS.regular * np.mean(apart))
 
 
 def _named(kind: str, severity: Severity, events: Sequence[Event], surveyed: Survey, what: str) -> QualityFlag:
@@ -228,7 +246,7 @@ def noise(surveyed: Survey) -> Iterator[QualityFlag]:
     if not surveyed.analysis.motion.reversal_times_s:
         return
     fall_db = standstill_db(surveyed.analysis)[0]
-    if fall_db < NOISY_FALL_DB:
+    if fall_db < LIMITS.noisy_fall_db:
         yield _flag(
             "noise",
             Severity.NOTE,
@@ -244,7 +262,7 @@ def automatic_gain(surveyed: Survey) -> Iterator[QualityFlag]:
     A gear is louder, too, where it accelerates a load; but with the gain the noise at standstill rises as well.
     """
     louder_db, fall_db = louder_after_start_db(surveyed.analysis), standstill_db(surveyed.analysis)[0]
-    if louder_db > GAIN_DB and fall_db < GAIN_FALL_DB:
+    if louder_db > LIMITS.gain_db and fall_db < LIMITS.gain_fall_db:
         yield _flag(
             "automatic_gain",
             Severity.NOTE,
@@ -258,7 +276,7 @@ def automatic_gain(surveyed: Survey) -> Iterator[QualityFlag]:
 def low_band_missing(surveyed: Survey) -> Iterator[QualityFlag]:
     """Name a high-pass that takes what tells a fault."""
     level_db = low_band_level_db(surveyed.analysis)
-    if level_db < MISSING_DB:
+    if level_db < LIMITS.missing_db:
         yield _flag(
             "low_band_missing",
             Severity.POOR,

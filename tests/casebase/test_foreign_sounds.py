@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from casebase.reasoning.diagnosis import Reasoner
-from casebase.reasoning.novelty import LEVEL
+from casebase.reasoning.tuning import TUNING
 from signals.features import Extraction, extract
 from signals.recording import Recording
 from tests.casebase.made import measured_table
@@ -74,7 +74,7 @@ def test_a_sound_of_no_axis_is_not_in_the_library(reasoner: Reasoner, made: Made
     assert found.verdict == "not_in_library"
     assert found.label is None
     assert found.p_value is not None
-    assert found.p_value < LEVEL
+    assert found.p_value < TUNING.level
 
 
 @pytest.mark.parametrize("label", ["normal", "notch", "play"])

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from casebase.reasoning.diagnosis import Reasoner
-from casebase.reasoning.novelty import LEVEL, NOISE, RATIOS, Likeness, kinds, likenesses
+from casebase.reasoning.novelty import NOISE, RATIOS, Likeness, kinds, likenesses
+from casebase.reasoning.tuning import TUNING
 from casebase.search.case_table import CaseTable
 from signals.features import catalogue, extract
 from signals.recording import Recording
@@ -38,8 +39,8 @@ def test_what_the_library_knows_is_seldom_refused(boxes: int, freedom: int) -> N
         shared = rng.standard_t(freedom, size=(boxes + 1, 1 if trial % 2 else len(NAMES)))
         values = np.repeat(shared * (3.0 if trial % 4 > 1 else 0.0) * scale, 2, axis=0)
         values += rng.standard_t(freedom, size=values.shape) * scale
-        refused.append(of(values[:-2], np.repeat(np.arange(boxes), 2)).p_value(values[-1]) < LEVEL)
-    assert np.mean(refused) <= 2 * LEVEL + 3 * np.sqrt(2 * LEVEL / trials)
+        refused.append(of(values[:-2], np.repeat(np.arange(boxes), 2)).p_value(values[-1]) < TUNING.level)
+    assert np.mean(refused) <= 2 * TUNING.level + 3 * np.sqrt(2 * TUNING.level / trials)
 
 
 def test_one_feature_that_departs_far_is_enough() -> None:
@@ -48,12 +49,12 @@ def test_one_feature_that_departs_far_is_enough() -> None:
     drawn = rng.normal(size=(21, len(NAMES)))
     values = np.where(ratios, np.exp(drawn), drawn)
     known, odd = of(values[:20], np.arange(20) // 2), values[20]
-    assert known.p_value(odd) > LEVEL
+    assert known.p_value(odd) > TUNING.level
     for index in np.flatnonzero(SAYS & (np.array(NAMES) != NOISE)):
         far = odd.copy()
         away = 12 * known.scale[index]
         far[index] = far[index] * np.exp(away) if ratios[index] else far[index] + away
-        assert known.p_value(far) < LEVEL
+        assert known.p_value(far) < TUNING.level
         assert np.nanargmax(np.abs(known.departures(far))) == index
 
 
@@ -85,10 +86,10 @@ def test_a_fault_that_grew_by_a_third_is_not_novel(boxes: int) -> None:
     cases = table(np.concatenate([normal, worn]), np.tile(np.repeat(np.arange(boxes), 2), 2), labels)
     known = likenesses(cases, np.ones(len(cases), bool))[frozenset({"wear"})]
     asked = rng.normal(size=(200, len(NAMES))) * np.sqrt(2)
-    refused = [np.mean([known.p_value(each + size * fault) < LEVEL for each in asked]) for size in (1.0, 4 / 3)]
-    assert max(refused) <= 2 * LEVEL
+    refused = [np.mean([known.p_value(each + size * fault) < TUNING.level for each in asked]) for size in (1.0, 4 / 3)]
+    assert max(refused) <= 2 * TUNING.level
     other = np.where(np.arange(len(NAMES)) == 25, 60.0, fault)
-    assert np.mean([known.p_value(each + other) < LEVEL for each in asked]) >= 0.9
+    assert np.mean([known.p_value(each + other) < TUNING.level for each in asked]) >= 0.9
 
 
 def bearing(seed: int) -> np.ndarray:

@@ -6,8 +6,9 @@ import pytest
 from signals.features import extract
 from signals.motion import HOP_HZ
 from signals.recording import Recording
-from signals.segments import MARGIN_S, Segments, find_segments
+from signals.segments import Segments, find_segments
 from tests.signals.synthetic import RATE_HZ, Joint, sound
+from signals.segments import LIMITS
 
 STROKE_S, BRAKING_S, DURATION_S = 3.0, 0.2, 20.0
 FALL_DB = 15.0
@@ -50,7 +51,7 @@ def test_noise_without_quiet_is_left_whole(seed: int) -> None:
 def test_silence_before_and_after_leaves_the_same_piece(seconds: float, level_db: float) -> None:
     """At any level from that of the standstill down, and any length."""
     segments = divided(quiet(seconds, level_db), loudness())
-    assert segments.machine.start_s == pytest.approx(seconds + MARGIN_S, abs=WITHIN_S)
+    assert segments.machine.start_s == pytest.approx(seconds + LIMITS.margin_s, abs=WITHIN_S)
     assert segments.machine.end_s == seconds + DURATION_S
     (silence,) = segments.silences
     assert silence.start_s == 0.0
@@ -58,7 +59,7 @@ def test_silence_before_and_after_leaves_the_same_piece(seconds: float, level_db
     assert segments.pauses == segments.others == ()
     segments = divided(loudness(), quiet(seconds, level_db))
     assert segments.machine.start_s == 0.0
-    assert segments.machine.end_s == pytest.approx(DURATION_S - MARGIN_S, abs=WITHIN_S)
+    assert segments.machine.end_s == pytest.approx(DURATION_S - LIMITS.margin_s, abs=WITHIN_S)
     assert [each.end_s for each in segments.silences] == [DURATION_S + seconds]
 
 
@@ -71,8 +72,8 @@ def test_digital_silence_is_left_out_however_short() -> None:
 def test_silence_on_both_sides_and_a_recording_twice_as_loud() -> None:
     for gain_db in (-40.0, 0.0, 30.0):
         segments = divided(quiet(2, -50) + gain_db, loudness() + gain_db, quiet(4, -50) + gain_db)
-        assert segments.machine.start_s == pytest.approx(2 + MARGIN_S, abs=WITHIN_S)
-        assert segments.machine.end_s == pytest.approx(2 + DURATION_S - MARGIN_S, abs=WITHIN_S)
+        assert segments.machine.start_s == pytest.approx(2 + LIMITS.margin_s, abs=WITHIN_S)
+        assert segments.machine.end_s == pytest.approx(2 + DURATION_S - LIMITS.margin_s, abs=WITHIN_S)
         assert len(segments.silences) == 2
 
 
@@ -82,9 +83,9 @@ def test_a_pause_divides_and_the_longer_piece_is_analysed(seconds: float, level_
     """Two strokes, a pause, and five strokes; and the other way round."""
     short, long = loudness(duration_s=6.0), loudness(duration_s=15.0)
     first = divided(short, quiet(seconds, level_db), long)
-    assert first.machine.start_s == pytest.approx(6.0 + seconds + MARGIN_S, abs=WITHIN_S)
+    assert first.machine.start_s == pytest.approx(6.0 + seconds + LIMITS.margin_s, abs=WITHIN_S)
     second = divided(long, quiet(seconds, level_db), short)
-    assert second.machine.end_s == pytest.approx(15.0 - MARGIN_S, abs=WITHIN_S)
+    assert second.machine.end_s == pytest.approx(15.0 - LIMITS.margin_s, abs=WITHIN_S)
     for segments, start_s, left_s in ((first, 6.0, 6.0), (second, 15.0, 6.0)):
         (pause,), (other,) = segments.pauses, segments.others
         assert pause.start_s == pytest.approx(start_s, abs=WITHIN_S)
