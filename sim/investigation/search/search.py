@@ -116,13 +116,6 @@ class SelectionState:
         counted = (t for t in self.fit.terms if not (t.traits.in_every_axis or t.mechanism == AS_NEW))
         return sum(effect_size(t, self.fit) > LEAST_EFFECT for t in counted) >= MOST_TERMS
 
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing of a size that matters is in, and teeth stay in contact."""
-        return not any(is_reported(t, self.fit) for t in self.fit.terms) and not self.problem.has_contact_loss(
-            self.fit.terms
-        )
-
     def advance(self) -> bool:
         """Let the best candidate in; whether there was one."""
         only = (
