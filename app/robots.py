@@ -27,7 +27,7 @@ def robot_of(service: Service, upload: Upload) -> ForeignRobot:
     Raises:
         Unprocessable: if a part is missing, or is one too many.
         NotFoundError: if no robot of that name is stored.
-        RobotError: if the description is wrong.
+        SimulationError: if the description is wrong.
     """
     text = upload.text("robot", service.settings.document_bytes).strip()
     if not text:
@@ -53,7 +53,7 @@ def described_robot(service: Service, upload: Upload) -> ForeignRobot:
 
     Raises:
         Unprocessable: if a part is missing.
-        RobotError: if the description is wrong.
+        SimulationError: if the description is wrong.
     """
     limit = service.settings.document_bytes
     text = upload.text("robot", limit).strip()

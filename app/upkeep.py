@@ -1,5 +1,9 @@
-"""What goes on beside the requests: what the first ones would wait for is loaded, and a large table is written."""
+"""What goes on beside the requests: what the first ones would wait for is loaded.
 
+Also what processes left that were killed: `gearcase doctor` counts it, and the service removes it when it starts.
+"""
+
+from pathlib import Path
 from threading import Event, Thread
 
 import structlog
@@ -7,32 +11,26 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from casebase.errors import LibraryError
 from casebase.library import CaseLibrary
-from casebase.upkeep import keep_table
+from casebase.store.erasing import discard_left
+from casebase.store.stale_locks import count_abandoned
 from signals.errors import SignalError
 
-ACTOR = "upkeep"
-APART_S = 2.0
-"""Cases often come many at a time; upkeep waits so long for more of them [s]."""
 LOG = structlog.get_logger(__name__)
 
 
 class Upkeep:
-    """A thread that loads what diagnoses need and keeps the table of a large library, from `start` to `close`."""
+    """A thread that loads what diagnoses need."""
 
     def __init__(self, library: CaseLibrary) -> None:
         self._library = library
         self.loaded = Event()
         """Set once no first request waits any more."""
-        self._closed = Event()
         self._thread = Thread(target=self._work, name="upkeep", daemon=True)
 
     def start(self) -> None:
-        self._library.touched.set()
         self._thread.start()
 
     def close(self) -> None:
-        self._closed.set()
-        self._library.touched.set()
         if self._thread.is_alive():
             self._thread.join()
 
@@ -43,13 +41,6 @@ class Upkeep:
             LOG.warning("not loaded beforehand", error=str(error))
         finally:
             self.loaded.set()
-        while self._library.touched.wait() and not self._closed.wait(APART_S):
-            self._library.touched.clear()
-            try:
-                if keep_table(self._library, ACTOR):
-                    LOG.info("table of the cases written")
-            except (LibraryError, SQLAlchemyError, OSError) as error:
-                LOG.warning("table of the cases not written", error=str(error))
 
 
 def diagnose_once(library: CaseLibrary) -> None:
@@ -78,3 +69,12 @@ def diagnose_once(library: CaseLibrary) -> None:
         library.reuse.reasoner(session).diagnose(extraction, axis=PAPER_AXIS.name)
         for label in PARAMETERS:
             library.reuse.severity(session, extraction, PAPER_AXIS.name, label, SIMULATED)
+
+
+def leftovers(library: CaseLibrary, incoming: Path, *, remove: bool) -> int:
+    """Return how much was left: uploads in `incoming`, half written files, audio that was erased.
+
+    What another process has in hand is not among it.
+    """
+    under_way = (*incoming.glob("*"), *library.audio.unfinished())
+    return count_abandoned(under_way, remove=remove) + discard_left(library, remove=remove)

@@ -14,7 +14,6 @@ MODULES: tuple[str, ...] = (
     "pages",
     "sliders",
     "retrieval",
-    "scale",
     "diagnosis",
     "lossy",
     "measured_help",

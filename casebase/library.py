@@ -4,7 +4,6 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import Event
 
 from sqlalchemy import Engine
 from sqlalchemy.orm import Session
@@ -18,10 +17,7 @@ from casebase.errors import StaleVersionError
 from casebase.recordings import DISCARDED
 from casebase.store import audit, leases
 from casebase.store.audio_store import AudioStore
-from casebase.store.counter import has_changed
 from casebase.store.database import WRITING, create_engine_for, sqlite_url, upgrade_database
-
-TABLES = "tables"
 
 
 class CaseLibrary:
@@ -35,11 +31,9 @@ class CaseLibrary:
         self.engine = engine
         self.data_dir = data_dir
         self.audio = AudioStore(data_dir / "audio")
-        self.touched = Event()
-        """Set whenever cases changed: then `keep_table` may have work."""
         self.lease: str | None = None
         """Of the worker that this library is opened by: nothing is written once it has ended."""
-        self.retrieve = Retrieve(self.audio, data_dir / TABLES)
+        self.retrieve = Retrieve(self.audio)
         self.reuse = Reuse(self.retrieve)
         self.revise = Revise(self.retrieve)
         self.retain = Retain(self.audio)
@@ -76,8 +70,6 @@ class CaseLibrary:
                 audit.stored(session.info.get(audit.RECORDED, ()))
                 for sha256 in session.info.get(DISCARDED, ()):
                     self.audio.discard(sha256)
-                if has_changed(session):
-                    self.touched.set()
             except StaleDataError as error:
                 raise StaleVersionError("somebody changed it at the same time; read it again") from error
 

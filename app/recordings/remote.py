@@ -31,10 +31,6 @@ class RefusedError(RemoteError):
     """The service will not take this recording, however often it is sent."""
 
 
-class KeyRefusedError(RemoteError):
-    """The service does not take this key, or the key has not the role for it."""
-
-
 @dataclass(frozen=True)
 class Remote:
     """A service and a key to it.
@@ -48,19 +44,17 @@ class Remote:
 
     @classmethod
     def of_environment(cls, url: str) -> "Remote":
-        """With the key of the environment; raises KeyRefusedError where there is none."""
+        """With the key of the environment; raises RemoteError where there is none."""
         key = os.environ.get(KEY_VARIABLE, "").strip()
         if not key:
-            raise KeyRefusedError(
-                f"set {KEY_VARIABLE} to a key with the role operator; `gearcase keys create` makes one"
-            )
+            raise RemoteError(f"set {KEY_VARIABLE} to a key with the role operator; `gearcase keys create` makes one")
         return cls(url.rstrip("/"), key)
 
     def diagnose(self, path: Path, metadata: Mapping[str, object], sha256: str | None = None) -> dict[str, Any]:
         """Send a recording and return its diagnosis; sent again, it is done once and answered as before.
 
         Raises:
-            UnreachableError, RefusedError, KeyRefusedError: if it is not taken.
+            UnreachableError, RefusedError: if it is not taken; RemoteError where its key is not.
         """
         said = json.dumps(metadata, sort_keys=True)
         once = hashlib.sha256(f"{sha256 or sha256_of(path)} {said}".encode()).hexdigest()
@@ -94,7 +88,7 @@ def _read(answer: httpx.Response) -> dict[str, Any]:
     detail = document.get("detail", "") if isinstance(document, dict) else ""
     words = f"the service answered {answer.status_code}. {detail}".strip()
     if answer.status_code in (401, 403):
-        raise KeyRefusedError(words)
+        raise RemoteError(words)
     if answer.status_code in PASSING or answer.status_code >= 500:
         raise UnreachableError(words)
     raise RefusedError(words)

@@ -11,7 +11,6 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.report import charts as draw
-from app.report.charts import Chart
 from app.report.disturbed import flags_of, left_out_words, marked
 from app.report.formatting import ENVIRONMENT, instant, percent, quantity, sentence, style_sheet
 from app.report.recorded import (
@@ -87,7 +86,7 @@ def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders:
     document: Mapping[str, Any] = row.document
     sound = None if row.recording.erased_at is not None else decoded(service, row.recording)
     found = None if sound is None else surveyed(sound, row.recording)
-    usable = document["verdict"] != "unusable"
+    usable, at = document["verdict"] != "unusable", row.recording.recorded_at or row.recording.created_at
     drawn, polar, peaks = (SimpleNamespace(), None, ()) if found is None else _drawn(session, row, found, orders)
     history, trend = history_of(session, service, row.recording)
     flags = flags_of(document["quality"], row.recording.duration_s)
@@ -110,11 +109,11 @@ def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders:
         "charts": drawn,
         "polar": polar,
         "phase": phase_of(document),
-        "trend": trend_chart(row, history, trend),
+        "trend": chart_of(trend, history, row.label, (at, "this recording")) if trend and history else None,
         "earlier": earlier_fault(row, history, service.settings.time_zone),
         "rms": stored_rms if sound is None else root_mean_square(sound.samples),
         "peaks": "[" + ",".join(f"{v:.4g}" for v in peaks) + "]",
-        "outside": outside_of(document),
+        "outside": None if not_compared(document) else unlikeness(document) or None,
         "provenance": [(k.replace("_", " "), v) for k, v in document["provenance"].items()],
     }
 
@@ -172,27 +171,17 @@ def facts_of(document: Mapping[str, Any], as_new: str = "") -> list[tuple[str, o
         found.append((name, value, f"90 % interval {interval}, from {cases} cases of known size{allowed}"))
     phase_deg = phase_of(document)
     if phase_deg is not None:
-        found.append(_in_the_cycle(phase_deg, period_of(document)))
+        found.append(_in_the_cycle(phase_deg, _value_of(document, "motion_period")))
     return found
-
-
-def outside_of(document: Mapping[str, Any]) -> str | None:
-    """Say how far a recording lies outside all known kinds; None where that was not compared."""
-    novelty = document["novelty"]
-    if novelty["distance"] is None or not_compared(document):
-        return None
-    return unlikeness(document) or None
 
 
 def phase_of(document: Mapping[str, Any]) -> float | None:
     """Return when in the cycle of the motion the named fault comes, as a phase [°] from a reversal."""
-    wanted = f"{document['label']}_phase"
-    return next((item["value"] for item in document["evidence"] if item["quantity"] == wanted), None)
+    return _value_of(document, f"{document['label']}_phase")
 
 
-def period_of(document: Mapping[str, Any]) -> float | None:
-    """Return how long one cycle of the motion takes [s], as far as a diagnosis says it."""
-    return next((item["value"] for item in document["evidence"] if item["quantity"] == "motion_period"), None)
+def _value_of(document: Mapping[str, Any], name: str) -> float | None:
+    return next((item["value"] for item in document["evidence"] if item["quantity"] == name), None)
 
 
 def _in_the_cycle(phase_deg: float, period_s: float | None) -> tuple[str, object, str]:
@@ -258,12 +247,6 @@ def history_of(session: Session, service: Service, recording: StoredRecording) -
     if history is None or known is None:
         return None, None
     return history, known.trend if history is known.in_service else trend_of(session, history)
-
-
-def trend_chart(row: StoredDiagnosis, history: History | None, trend: Trend | None) -> Chart | None:
-    """Return what rises with the fault, over the recordings of this gearbox; None with fewer than two."""
-    at = row.recording.recorded_at or row.recording.created_at
-    return None if trend is None or history is None else chart_of(trend, history, row.label, (at, "this recording"))
 
 
 def earlier_fault(row: StoredDiagnosis, history: History | None, zone: str) -> str:

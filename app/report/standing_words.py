@@ -5,8 +5,7 @@ from zoneinfo import ZoneInfo
 
 from markupsafe import Markup
 
-from app.report.formatting import NO_BREAK
-from app.report.svg import shape_path
+from app.report.formatting import NO_BREAK, shape
 from app.report.words import CHECKS, name_of, one_of
 from casebase.gearbox_state import NamedFault, Reason, Standing, State
 from casebase.reasoning.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
@@ -58,11 +57,7 @@ def state_words(standing: Standing | None, now: datetime) -> str:
 def state_badge(standing: Standing | None, now: datetime) -> Markup:
     """Write a state with its shape, so that colour never speaks alone."""
     name = SHAPES.get(State.CANNOT_SAY if standing is None else standing.state, "other")
-    outline = shape_path(name, 8.0, 8.0, 6.0)
-    return Markup(
-        '<span class="label {}"><svg viewBox="0 0 16 16" class="shape" aria-hidden="true">'
-        '<path fill="currentColor" d="{}"/></svg>{}</span>'
-    ).format(name, outline, state_words(standing, now))
+    return Markup('<span class="label {}">{}{}</span>').format(name, shape(name), state_words(standing, now))
 
 
 def risen(trend: Trend) -> tuple[str, str | None]:

@@ -80,10 +80,9 @@ def extremes(series: Series, columns: int) -> tuple[NDArray[np.float64], NDArray
         return series.x, series.y
     size = -(-n // columns)
     starts = np.arange(0, n, size)
-    low = np.minimum.reduceat(series.y, starts)
-    high = np.maximum.reduceat(series.y, starts)
-    x = np.repeat(series.x[starts], 2)
-    return x, np.stack([low, high], axis=1).ravel()
+    ends = np.minimum.reduceat(series.y, starts), np.maximum.reduceat(series.y, starts)
+    middles = np.minimum(starts + size // 2, n - 1)
+    return np.stack([series.x[starts], series.x[middles]], axis=1).ravel(), np.stack(ends, axis=1).ravel()
 
 
 def _limits(values: list[NDArray[np.float64]]) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """A diagnosis in the words of whoever stands at the robot: what it is, how sure, what to do next."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,15 +115,6 @@ def is_calibrated(document: Mapping[str, Any]) -> bool:
     return bool(document["provenance"].get("gearboxes", 0) >= CALIBRATED_FROM)
 
 
-def uncalibrated(value: float) -> str:
-    """Write how sure one may be where that is not calibrated: from 0 to 1, never in per cent.
-
-    >>> uncalibrated(0.941)
-    '0.94 of 1'
-    """
-    return f"{value:.2f} of 1"
-
-
 def certainty(document: Mapping[str, Any]) -> tuple[str, str] | None:
     """Return how sure a diagnosis is, and what that rests on; None where it says nothing."""
     if document["probability"] is None or _knows_one_label(document):
@@ -136,22 +127,16 @@ def certainty(document: Mapping[str, Any]) -> tuple[str, str] | None:
     return sure, f"not calibrated: the library has {known}"
 
 
-def fault_of(document: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return whether there is a fault, and how probable that is."""
-    found: Mapping[str, Any] = document["fault"]
-    return found
-
-
 def names_fault(document: Mapping[str, Any]) -> bool:
     """Whether a fault is found: one that has its name, or one of which only the name is undecided."""
     if document["verdict"] == "diagnosed":
         return document["label"] not in BASELINES
-    return bool(fault_of(document)["present"])
+    return bool(document["fault"]["present"])
 
 
 def fault_words(document: Mapping[str, Any]) -> tuple[str, str] | None:
     """Return how probable it is that there is a fault, and what that decides; None where it is not known."""
-    fault = fault_of(document)
+    fault = document["fault"]
     if fault["probability"] is None:
         return None
     between = f"undecided between {percent(1 - DIAGNOSED_FROM)} and {percent(DIAGNOSED_FROM)}"
@@ -183,7 +168,7 @@ def how_sure(document: Mapping[str, Any]) -> str:
     if document["verdict"] == "diagnosed":
         return sure[0]
     if names_fault(document):
-        return f"{_written(document, fault_of(document)['probability'])} a fault"
+        return f"{_written(document, document['fault']['probability'])} a fault"
     return f"{sure[0]} {listed(document['hypotheses'][0]['label'])}"
 
 
@@ -197,7 +182,7 @@ def sure_of(document: Mapping[str, Any]) -> str:
     ... )
     'a fault 0.97 of 1, tooth damage (notch) 0.93 of 1'
     """
-    sure, fault = certainty(document), fault_of(document)["probability"]
+    sure, fault = certainty(document), document["fault"]["probability"]
     if sure is None:
         return ""
     label = document["label"]
@@ -237,9 +222,9 @@ def _once_in(distance: float) -> str:
 
 
 def _written(document: Mapping[str, Any], probability: float) -> str:
-    """Write a probability; what falls short of the border of a diagnosis is never rounded up to it."""
+    """Write a probability, in per cent only where it is calibrated; what falls short of the border never reaches it."""
     short = probability if probability >= DIAGNOSED_FROM else min(probability, DIAGNOSED_FROM - 0.01)
-    return percent(short) if is_calibrated(document) else uncalibrated(short)
+    return percent(short) if is_calibrated(document) else f"{short:.2f} of 1"
 
 
 def _knows_one_label(document: Mapping[str, Any]) -> bool:
@@ -269,7 +254,11 @@ def remarks_beside(document: Mapping[str, Any]) -> list[str]:
 
 def not_compared(document: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the remarks that say why a recording is none of the library's, whatever its distance."""
-    return tuple(remark for remark in document["remarks"] if remark.startswith(NOT_COMPARED))
+    return _remarks(document, NOT_COMPARED)
+
+
+def _remarks(document: Mapping[str, Any], beginning: str | tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(remark for remark in document["remarks"] if remark.startswith(beginning))
 
 
 def is_poor(document: Mapping[str, Any]) -> bool:
@@ -286,7 +275,7 @@ def too_short(document: Mapping[str, Any]) -> tuple[str, ...]:
     noted = brief and document["verdict"] == "not_in_library"
     flags = [flag for flag in document["quality"] if flag["name"].startswith(TOO_SHORT)]
     found = [flag["reason"] for flag in flags if noted or flag["severity"] != "note"]
-    return (*found, *(remark for remark in document["remarks"] if remark.startswith(TOO_SHORT)))
+    return (*found, *_remarks(document, TOO_SHORT))
 
 
 def verdict_of(document: Mapping[str, Any]) -> Verdict:
@@ -316,63 +305,58 @@ def _unusable(document: Mapping[str, Any]) -> Verdict:
 
 
 def _not_in_library(document: Mapping[str, Any]) -> Verdict:
-    why = not_compared(document)
-    limit, reasons = _limit(document)
-    if _is_empty(document):
+    why, (limit, reasons) = not_compared(document), _limit(document)
+    if _remarks(document, EMPTY):
         remarks = tuple(document["remarks"])
         summary = " ".join(map(sentence, (*too_short(document), *remarks)))
         return Verdict(f"No answer: {EMPTY}", summary, None, EMPTY_CHECKS, remarks)
-    summary, told = _novelty(document, reasons)
+    told = (*reasons, *(why or _remarks(document, UNLIKE)))
+    far = "" if why else unlikeness(document)
+    summary = " ".join(filter(None, (*map(sentence, told), far, "So it gets none of the known labels.")))
+    kinds = f"the one kind it knows, {listed(document['hypotheses'][0]['label'])}" if _knows_one_label(document) else ""
+    headline = f"Not in the library: unlike {kinds or 'every known kind'}"
     if limit:
-        return Verdict(f"Not in the library, but the recording is {limit}", summary, None, (RECORD_AGAIN,), told)
-    if why:
-        return Verdict(f"Not in the library: {why[0].partition(',')[0]}", summary, None, (RECORD_AGAIN,), told)
-    kinds = f"the one kind it knows, {listed(document['hypotheses'][0]['label'])}"
-    unlike = kinds if _knows_one_label(document) else "every known kind"
-    return Verdict(f"Not in the library: unlike {unlike}", summary, None, UNKNOWN_CHECKS, told)
+        headline = f"Not in the library, but the recording is {limit}"
+    elif why:
+        headline = f"Not in the library: {why[0].partition(',')[0]}"
+    return Verdict(headline, summary, None, (RECORD_AGAIN,) if limit or why else UNKNOWN_CHECKS, told)
 
 
 def _undecided(document: Mapping[str, Any]) -> Verdict:
-    limit, reasons = _limit(document)
+    (limit, reasons), (border, told) = _limit(document), _border(document)
     labels = [hypothesis["label"] for hypothesis in document["hypotheses"]]
     found = names_fault(document)
     likely = [label for label in labels if not (found and label in BASELINES)][:2]
     names = " or ".join(map(listed, likely))
-    border, told = _border(document)
     left = "" if _knows_one_label(document) else _left(document)
     summary = f"{''.join(f'{sentence(one)} ' for one in reasons)}{border}{left}{_support(document)}"
-    checks = (RECORD_AGAIN,) if limit else _between(likely)
-    told = (*reasons, *told)
+    # what tells two faults apart is what each asks for; that nothing is to be done cannot be said yet
+    asked = [check for label in likely if label != "normal" for check in CHECKS.get(label, OTHER_CHECKS)]
+    headline = f"Undecided: {names}"
     if limit:
         headline = f"Undecided, for the recording is {limit}: {'a fault, ' if found else ''}{names}"
     elif found:
-        return Verdict(f"Fault likely, undecided which: {names}", summary, likely[0], checks, told)
+        headline = f"Fault likely, undecided which: {names}"
     elif _knows_one_label(document):
         headline = f"Undecided: the library knows one label alone, {names}"
-    else:
-        headline = f"Undecided: {names}"
-    return Verdict(headline, summary, None, checks, told)
+    checks = (RECORD_AGAIN,) if limit else tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *asked)))
+    return Verdict(headline, summary, likely[0] if found and not limit else None, checks, (*reasons, *told))
 
 
 def is_compared(document: Mapping[str, Any]) -> bool:
     """Whether a recording that is not in the library was compared: it is good enough, and there are cases."""
-    return not (_limit(document)[0] or not_compared(document) or _is_empty(document))
-
-
-def _is_empty(document: Mapping[str, Any]) -> bool:
-    return any(remark.startswith(EMPTY) for remark in document["remarks"])
+    return not (_limit(document)[0] or not_compared(document) or _remarks(document, EMPTY))
 
 
 def _limit(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
     """Return in two words why no answer to a recording can be relied on, and the reasons; empty where it can."""
-    short = too_short(document)
-    poor = tuple(remark for remark in document["remarks"] if remark.startswith(TOO_POOR))
+    short, poor = too_short(document), _remarks(document, TOO_POOR)
     return "too short" if short else "too poor" if poor or is_poor(document) else "", (*short, *poor)
 
 
 def _border(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
     """Say which border an undecided answer missed, and return the remarks that this says."""
-    told = tuple(remark for remark in document["remarks"] if remark.startswith((ONE_LABEL, TOO_FEW)))
+    told = _remarks(document, (ONE_LABEL, TOO_FEW))
     why = "".join(f"{sentence(remark)} " for remark in told)
     sure = sure_of(document)
     if sure and document["probability"] < DIAGNOSED_FROM:
@@ -410,32 +394,16 @@ def limits_of(document: Mapping[str, Any]) -> str:
     return " ".join(said)
 
 
-def _between(labels: Iterable[str]) -> tuple[str, ...]:
-    """What tells two faults apart is what each of them asks for; that nothing is to be done cannot be said yet."""
-    checks = [check for label in labels if label != "normal" for check in CHECKS.get(label, OTHER_CHECKS)]
-    return tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *checks)))
-
-
 def _size(document: Mapping[str, Any]) -> str:
     found = size_of(document)
-    if found is None:
-        return ""
-    how = SIZES[document["severity"]["parameter"]][1]
-    return f"About {found[1]} {how} (90 % interval {found[2]}). "
+    return (
+        f"About {found[1]} {SIZES[document['severity']['parameter']][1]} (90 % interval {found[2]}). " if found else ""
+    )
 
 
 def _support(document: Mapping[str, Any]) -> str:
     support = document["hypotheses"][0]["support"] if document["hypotheses"] else {"measured": 0, "simulated": 0}
     return f"Among the nearest cases, {support['measured']} measured and {support['simulated']} simulated support it."
-
-
-def _novelty(document: Mapping[str, Any], reasons: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
-    """Return why a recording is none of the library's, and the remarks that this says; what limits it stands first."""
-    why = not_compared(document)
-    unlike = () if why else tuple(remark for remark in document["remarks"] if remark.startswith(UNLIKE))
-    far = "" if why else unlikeness(document)
-    said = (*map(sentence, (*reasons, *why, *unlike)), far, "So it gets none of the known labels.")
-    return " ".join(filter(None, said)), (*reasons, *why, *unlike)
 
 
 def investigation_headline(document: Mapping[str, Any]) -> str:

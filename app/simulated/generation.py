@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass, field
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from threading import Thread
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import soundfile
@@ -100,14 +100,14 @@ class Campaign:
         return document
 
     @classmethod
-    def from_document(cls, document: Mapping[str, object], library: CaseLibrary) -> Campaign:
-        """Read it back; a robot is read from the library. Raises SimulationError where it is wrong."""
-        known = dict(document)
-        known["axis"] = read_axis(known["axis"])  # type: ignore[arg-type]
-        known["microphones"] = tuple(microphone_of(each) for each in known["microphones"])  # type: ignore[attr-defined]
+    def from_document(cls, document: Json) -> Campaign:
+        """Read it back. Raises SimulationError where it is wrong."""
+        known: dict[str, Any] = dict(cast(dict[str, Json], document))
+        known["axis"] = read_axis(known["axis"])
+        known["microphones"] = tuple(microphone_of(each) for each in known["microphones"])
         for name in ("payload_kg_m2", "speed_rad_s"):
-            known[name] = tuple(known[name]) if known.get(name) else None  # type: ignore[arg-type]
-        return cls(**known)  # type: ignore[arg-type]
+            known[name] = tuple(known[name]) if known.get(name) else None
+        return cls(**known)
 
     def planned(self, only: range | None = None) -> list[Planned]:
         """All cases, label by label, or some of them by number."""
@@ -287,15 +287,12 @@ def simulations(library: CaseLibrary) -> JobKind:
     """The job kind behind `POST /simulations`, for one library."""
 
     def cut(parameters: dict[str, Json]) -> list[dict[str, Json]]:
-        batches = Campaign.from_document(parameters, library).batches()
+        batches = Campaign.from_document(parameters).batches()
         return [{"campaign": parameters, "first": batch.start, "stop": batch.stop} for batch in batches]
 
     def run(task: dict[str, Json], _report: Report) -> Json:
-        assert isinstance(task["campaign"], dict)
-        assert isinstance(task["first"], int)
-        assert isinstance(task["stop"], int)
-        campaign = Campaign.from_document(task["campaign"], library)
-        wanted = campaign.planned(range(task["first"], task["stop"]))
+        only = range(cast(int, task["first"]), cast(int, task["stop"]))
+        wanted = Campaign.from_document(task["campaign"]).planned(only)
         outcome = _retained(library, wanted)
         return {"new": outcome.new, "known": outcome.known, "simulation_s": round(outcome.simulation_s, 3)}
 

@@ -4,6 +4,7 @@ So are two questions that end a request: who is there, and which label is meant.
 """
 
 import json
+from urllib.parse import quote
 
 from starlette.datastructures import Headers
 from starlette.requests import Request
@@ -13,7 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.http.security import known
 from app.report.formatting import sentence
 from app.service import service_of
-from app.web.page import below_root, render
+from app.web.page import below_root, lead, render
 
 
 class PageErrors:
@@ -70,9 +71,7 @@ async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, s
 
 async def sign_in_first(request: Request, error: Exception) -> RedirectResponse:
     """Answer SignInNeeded with the way to the sign-in page."""
-    root = service_of(request).settings.root_path.rstrip("/")
-    query = getattr(error, "query", "next=%2F")
-    return RedirectResponse(f"{root}/sign-in?{query}", status_code=303)
+    return lead(service_of(request), f"/sign-in?next={quote(str(error), safe='')}")
 
 
 async def ask_which_label(request: Request, error: Exception) -> HTMLResponse:

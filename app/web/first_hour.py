@@ -12,7 +12,7 @@ from app.jobs.job import Job
 from app.report.formatting import percent, sentence
 from app.report.words import CALIBRATED_FROM, name_of
 from app.service import Service
-from app.web.counted import counted as kept_count
+from app.web.page import counted as kept_count
 from casebase.labels import BASELINES
 from casebase.origins import MEASURED, SIMULATED
 from casebase.reasoning.evaluation import Evaluation, Proportion

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from app.http.errors import Unprocessable
 from app.report.words import NAMES, name_of
 from app.service import TheService
-from app.web.counted import counts_of
+from app.web.page import counts_of
 from casebase.labels import GEAR_DAMAGE
 from casebase.store.fields import Label
 from sim.experiment.design_of_experiments import LABELS

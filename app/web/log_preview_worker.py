@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from app.report.svg import Series, extremes
 from app.web.log_preview import shares
 from signals.reading.limited_worker import Send
 from signals.reading.telemetry_worker import read
@@ -45,21 +46,13 @@ def remarks(axis: Axis, telemetry: Telemetry) -> list[str]:
 
 def courses_of(telemetry: Telemetry, points: int) -> dict[str, object]:
     """Torque and speed over time, lowest and highest of each interval where there are more rows than points."""
-    time_s = telemetry.time_s - telemetry.time_s[0]
-    width = -(-2 * time_s.size // points) if time_s.size > points else 1
-    starts = np.arange(0, time_s.size, width)
-    half = 0.5 * width * telemetry.duration_s / (time_s.size - 1)
-    x = time_s if width == 1 else np.repeat(time_s[starts], 2) + np.tile([0.0, half], starts.size)
-
-    def course(name: str, unit: str, values: NDArray[np.float64]) -> dict[str, object]:
-        if width > 1:
-            ends = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
-            values = np.stack(ends, axis=1).ravel()
-        return {"name": name, "unit": unit, "largest": float(np.abs(values).max()), "y": shares(values)}
-
-    series = [course(*each) for each in _channels(telemetry)]
-    seconds = telemetry.duration_s
-    return {"x": [round(float(each), 5) for each in x], "series": series, "rows": telemetry.rows, "seconds": seconds}
+    x = time_s = telemetry.time_s - telemetry.time_s[0]
+    series = []
+    for name, unit, values in _channels(telemetry):
+        x, y = extremes(Series(name, time_s, values), points // 2)
+        series.append({"name": name, "unit": unit, "largest": float(np.abs(y).max()), "y": shares(y)})
+    shown = [round(float(each), 5) for each in x]
+    return {"x": shown, "series": series, "rows": telemetry.rows, "seconds": telemetry.duration_s}
 
 
 def _channels(t: Telemetry) -> list[tuple[str, str, NDArray[np.float64]]]:

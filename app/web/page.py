@@ -1,17 +1,19 @@
-"""What every page is made with: who looks at it, what it is filled with, and where its forms lead.
+"""What every page is made with: who looks at it, what it is filled with, where its forms lead, what is counted.
 
 A key stands in an HttpOnly cookie; forms carry a token that only a page of ours could know.
 """
 
 import secrets
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, TypeVar
-from urllib.parse import quote
+from typing import Annotated, TypeVar, cast
+from weakref import WeakKeyDictionary
 
 from fastapi import Depends, Form, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 from pydantic import BaseModel, ValidationError
+from sqlalchemy import ColumnElement, Select, select
+from sqlalchemy.orm import Session, defer
 
 from app.background_cache import Pending
 from app.http.errors import Forbidden, NotAuthenticated, validation_problem
@@ -30,8 +32,13 @@ from app.http.security import (
 from app.http.uploads import check_whole
 from app.report.formatting import ENVIRONMENT, instant
 from app.service import Service, service_of
+from casebase.library import CaseLibrary
+from casebase.store.counter import library_version
+from casebase.store.models import StoredInvestigation
 
 Asked = TypeVar("Asked", bound=BaseModel)
+ROWS = 50
+"""Of a list on a page."""
 NAVIGATION = (
     ("/fleet", "Fleet", "1", "viewer"),
     ("/diagnoses", "Diagnoses", "2", "viewer"),
@@ -44,18 +51,14 @@ NAVIGATION = (
     ("/keys", "Keys", "8", "admin"),
     ("/audit", "Audit", "9", "admin"),
 )
+Value = TypeVar("Value")
+_KEPT: WeakKeyDictionary[CaseLibrary, dict[str, tuple[int, object]]] = WeakKeyDictionary()
+Headlined = tuple[StoredInvestigation, str | None]
+_DOCUMENT = StoredInvestigation.document
 
 
 class SignInNeeded(Exception):
-    """Nobody is signed in; the page to come back to afterwards."""
-
-    def __init__(self, path: str) -> None:
-        super().__init__(path)
-        self.path = path
-
-    @property
-    def query(self) -> str:
-        return f"next={quote(self.path, safe='')}"
+    """Nobody is signed in; its text is the path of the page to come back to afterwards."""
 
 
 def below_root(request: Request) -> str:
@@ -216,3 +219,47 @@ def waiting_page(
         "again": f"{below_root(request)}{f'?{request.url.query}' if request.url.query else ''}",
     }
     return render(request, "waiting.html", context, principal=principal, section=section)
+
+
+def counted(library: CaseLibrary, session: Session, name: str, count: Callable[[], Value]) -> Value:
+    """Return what `count` returns, as long as the library stays at a version without counting again.
+
+    The version is read first: were a change to come in between, what is kept would be too new, never too old.
+    """
+    version = library_version(session)
+    kept = _KEPT.setdefault(library, {})
+    known = kept.get(name)
+    if known is None or known[0] != version:
+        known = kept[name] = (version, count())
+    return cast(Value, known[1])
+
+
+def counts_of(library: CaseLibrary, session: Session) -> Mapping[tuple[str, str], int]:
+    """Return how many searchable cases there are per label and origin."""
+    return counted(library, session, "counts", lambda: library.retrieve.counts(session))
+
+
+def of_library(library: CaseLibrary, session: Session) -> str:
+    """Say that something is worked out from all cases, and how often."""
+    cases = sum(counts_of(library, session).values())
+    return f"the {cases:,} cases of the library, once until a case changes"
+
+
+def light() -> Select[StoredInvestigation]:
+    """Select investigations without their documents."""
+    return select(StoredInvestigation).options(defer(_DOCUMENT))
+
+
+def headlined(session: Session, rows: Sequence[StoredInvestigation]) -> list[Headlined]:
+    """Return each of them with what it found; None with those that found nothing yet."""
+    ids = [row.id for row in rows]
+    asked = select(StoredInvestigation.id, _DOCUMENT["story", "headline"].as_string())
+    asked = asked.where(StoredInvestigation.id.in_(ids))
+    told = {identity: headline.removesuffix(".") for identity, headline in session.execute(asked) if headline}
+    return [(row, told.get(row.id)) for row in rows]
+
+
+def newest(session: Session, most: int, *where: ColumnElement[bool]) -> list[Headlined]:
+    """Return the newest investigations of which all this holds, with what each found."""
+    statement = light().where(*where).order_by(StoredInvestigation.id.desc()).limit(most)
+    return headlined(session, session.scalars(statement).all())

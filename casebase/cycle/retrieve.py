@@ -13,7 +13,6 @@ from casebase.search.case_filter import CaseFilter, selected
 from casebase.search.case_table import CaseTable, load_table
 from casebase.search.retrieval import CaseMatrix, metric_of
 from casebase.search.similarity import Floats
-from casebase.search.stored_table import read_table
 from casebase.store import audit
 from casebase.store.audio_store import AudioStore
 from casebase.store.counter import has_changed, library_version
@@ -27,9 +26,7 @@ MATRICES_KEPT = 4
 class Retrieve:
     """Reads what is stored; the table of cases and what was measured of an axis are kept until cases change."""
 
-    def __init__(self, audio: AudioStore, tables: Path) -> None:
-        self.tables = tables
-        """The folder of the tables that `keep_table` wrote."""
+    def __init__(self, audio: AudioStore) -> None:
         self._audio = audio
         self._tables: dict[str, CaseTable] = {}
         self._measured: dict[str, tuple[int, Expected]] = {}
@@ -95,10 +92,7 @@ class Retrieve:
 
     def all_cases(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> CaseTable:
         """Return the same with copies and with cases whose sound is a case of another label too."""
-        known = self._tables.get(extractor_version)
-        if known is None:
-            known = read_table(session, self.tables, extractor_version)
-        table = load_table(session, extractor_version, known)
+        table = load_table(session, extractor_version, self._tables.get(extractor_version))
         if not has_changed(session):
             self._tables[extractor_version] = table
         return table

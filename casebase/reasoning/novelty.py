@@ -3,9 +3,10 @@
 Every feature of a recording is held against the cases of a label: a Student's t of the difference from their mean over
 gearboxes, with the scatter between gearboxes and within. Few gearboxes say little of a scatter, so that of each feature
 is drawn towards the mean of its kind, as if `Tuning.prior_freedom` more gearboxes had shown that one. Noise and
-filtering of the recorder are no matter of the gearbox, so there every recording of the library counts for itself. The p-values of all
-features become one by their harmonic mean, half of it with every kind counting the same and half with each feature
-counting by what it tells of kinds of faults (`casebase.reasoning.priors`); it holds however they depend on each other.
+filtering of the recorder are no matter of the gearbox, so there every recording of the library counts for itself. The
+p-values of all features become one by their harmonic mean, half of it with every kind counting the same and half with
+each feature counting by what it tells of kinds of faults (`casebase.reasoning.priors`); it holds however they depend on
+each other.
 
 Sources: Smyth, Linear models and empirical Bayes methods, Stat. Appl. Genet. Mol. Biol. 3 (2004), the moderated t;
 Hahn and Meeker, Statistical Intervals (1991), prediction of one more observation; Wilson, The harmonic mean p-value,

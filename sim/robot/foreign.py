@@ -16,9 +16,9 @@ from signals.errors import TextError
 from signals.reading.documents import parse_foreign
 from signals.reading.limited_pool import LimitedPool, refusals_as
 from signals.reading.limited_worker import RefusedError, Send
-from sim.errors import SimulationError
+from sim.errors import AxisError, SimulationError
 from sim.robot.rigid_body import RigidBody
-from sim.robot.robot import LARGEST_URDF_BYTES, Robot, RobotError, logged_joints, robot_of
+from sim.robot.robot import LARGEST_URDF_BYTES, Robot, logged_joints, robot_of
 from sim.robot.urdf import read_urdf
 
 LIMITS: Mapping[str, float] = {"seconds": 60.0, "cpu_seconds": 20.0, "memory_bytes": 2 << 30}
@@ -48,17 +48,17 @@ def check_foreign(text: str, urdf: bytes, axes: Mapping[str, str]) -> ForeignRob
 
     Raises
     ------
-    RobotError
+    AxisError
         as `read_robot`; for an axis that is named and missing, or given and not named; for a robot that MuJoCo cannot
         make, or that takes more time or memory than robots need.
     DecoderUnavailableError
         if the limited process cannot be started.
     """
     if len(urdf) > LARGEST_URDF_BYTES:
-        raise RobotError(f"urdf: has {len(urdf)} bytes; it may have {LARGEST_URDF_BYTES}")
+        raise AxisError(f"urdf: has {len(urdf)} bytes; it may have {LARGEST_URDF_BYTES}")
     document = _with_axes(_parsed("robot", text), {name: _parsed(name, axis) for name, axis in axes.items()})
     given = {"document": document, "urdf": urdf.decode("latin-1")}
-    with refusals_as(RobotError, "urdf: no robot could be made of it ({}); is it of one robot, with its masses?"):
+    with refusals_as(AxisError, "urdf: no robot could be made of it ({}); is it of one robot, with its masses?"):
         _, found = ROBOTS.perform(TASK, given, LIMITS)
     return foreign_robot({**document, "name": found["name"]}, read_urdf(urdf).text)
 
@@ -94,12 +94,12 @@ def _with_axes(document: dict[str, object], axes: Mapping[str, Mapping[str, obje
     }
     for k, name in names.items():
         if name not in axes:
-            raise RobotError(
+            raise AxisError(
                 f"joints[{k}].axis: names the file {name!r}; send it as a further part 'axis', or write the axis "
                 f"itself there, as a table; files that came: {', '.join(axes) or 'none'}"
             )
     if idle := [name for name in axes if name not in names.values()]:
-        raise RobotError(f"axis: no joint of the robot names the file {idle[0]!r}; write axis = {json.dumps(idle[0])}")
+        raise AxisError(f"axis: no joint of the robot names the file {idle[0]!r}; write axis = {json.dumps(idle[0])}")
     placed = [{**joint, "axis": axes[names[k]]} if k in names else joint for k, joint in enumerate(given)]
     return {**document, "joints": placed} if placed else document
 
@@ -108,8 +108,8 @@ def _parsed(name: str, text: str) -> dict[str, object]:
     try:
         return parse_foreign(text)
     except TextError as error:
-        raise RobotError(f"{name}: {error}") from None
+        raise AxisError(f"{name}: {error}") from None
 
 
 def _no_file(name: str) -> Mapping[str, object]:
-    raise RobotError(f"the file {name!r} did not come with the robot")
+    raise AxisError(f"the file {name!r} did not come with the robot")

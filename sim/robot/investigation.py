@@ -68,7 +68,7 @@ def investigate_robot(
     ------
     InvestigationError
         for data that cannot be what they claim; the text says what would be right.
-    RobotError
+    AxisError
         for a description of which no rigid body can be made.
     """
     if not logs:

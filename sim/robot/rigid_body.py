@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.robot.robot import Robot, RobotError
+from sim.errors import AxisError
+from sim.robot.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ class RigidBody:
 
         Raises
         ------
-        RobotError
+        AxisError
             for a URDF that MuJoCo cannot make a robot of; the text is its own.
         """
         import mujoco
@@ -60,7 +61,7 @@ class RigidBody:
                 )  # fixed to its link, and counted into it as every link is that no joint moves
             model = spec.compile()
         except ValueError as error:
-            raise RobotError(f"urdf: {' '.join(str(error).split())}") from None
+            raise AxisError(f"urdf: {' '.join(str(error).split())}") from None
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT  # stops at the ends of joints are not asked
         model.opt.gravity[:] = robot.gravity_m_s2
         joint_ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint.name) for joint in robot.joints]

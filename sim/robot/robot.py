@@ -12,8 +12,8 @@ from signals.errors import TextError
 from signals.reading.documents import parse_document
 from sim.description.axis import Axis, Load, Motor
 from sim.description.axis_document import read_axis
-from sim.errors import AxisError, ParameterError, number, shown
-from sim.robot.urdf import Urdf, UrdfError, read_urdf
+from sim.errors import AxisError, number, shown
+from sim.robot.urdf import Urdf, read_urdf
 
 SCHEMA = "gearcase-robot/1"
 GRAVITY_M_S2 = (0.0, 0.0, -9.81)
@@ -29,10 +29,6 @@ WITHOUT_MOTOR = (
     ("of load", "of the joint"), ("motor torque", "torque of the joint"), ("motor ahead", "joint ahead"),
 )  # fmt: skip
 """Where nothing turns otherwise than the joint."""
-
-
-class RobotError(AxisError):
-    """A robot description is wrong; the message starts with the path of the key."""
 
 
 @dataclass(frozen=True)
@@ -103,14 +99,14 @@ def read_robot(path: Path) -> Robot:
 
     Raises
     ------
-    RobotError
+    AxisError, ParameterError
         naming the key, what is wrong with it and what would be right; unknown keys are refused.
     """
     document = _parsed(path.name, _bytes(path, path.name))
     here = path.parent
     name = document.get("urdf")
     if not isinstance(name, str):
-        raise RobotError(f'urdf: must be the name of a file beside this one, such as "robot.urdf", got {shown(name)}')
+        raise AxisError(f'urdf: must be the name of a file beside this one, such as "robot.urdf", got {shown(name)}')
     return robot_of(
         document,
         _bytes(here / name, f"urdf: {name}", LARGEST_URDF_BYTES),
@@ -123,20 +119,17 @@ def robot_of(document: Mapping[str, object], urdf: bytes, axis_of: Any) -> Robot
 
     Raises
     ------
-    RobotError
+    AxisError
         as `read_robot`.
     """
     _refuse_unknown("", document, ("schema", "name", "urdf", "gravity_m_s2", "payload", "joints", "held"))
     if document.get("schema", SCHEMA) != SCHEMA:
-        raise RobotError(f"schema: must be {SCHEMA!r}, got {shown(document['schema'])}")
-    try:
-        links = read_urdf(urdf)
-    except UrdfError as error:
-        raise RobotError(f"urdf: {error}") from None
+        raise AxisError(f"schema: must be {SCHEMA!r}, got {shown(document['schema'])}")
+    links = read_urdf(urdf)
     joints = _joints(document.get("joints"), links, axis_of)
     name = document.get("name", links.name)
     if not isinstance(name, str) or not name.strip() or len(name) > 200:
-        raise RobotError(f"name: must be a text of 1 to 200 characters, got {shown(name)}")
+        raise AxisError(f"name: must be a text of 1 to 200 characters, got {shown(name)}")
     gravity = _vector("gravity_m_s2", document.get("gravity_m_s2", GRAVITY_M_S2), 100.0, "m/s2")
     held = _held(document.get("held", []), links, [joint.name for joint in joints])
     return Robot(name, links, joints, gravity, _payload(document.get("payload", {})), held, dict(document))
@@ -145,17 +138,15 @@ def robot_of(document: Mapping[str, object], urdf: bytes, axis_of: Any) -> Robot
 def _tables(path: str, value: object, links: Urdf, would_be: str) -> Iterator[tuple[str, str, Mapping[str, object]]]:
     """Path, joint and table of each entry of a list of tables that name joints."""
     if not isinstance(value, list | tuple):
-        raise RobotError(
-            f"{path}: {'missing' if value is None else 'must be tables'}; write [[{path}]] with {would_be}"
-        )
+        raise AxisError(f"{path}: {'missing' if value is None else 'must be tables'}; write [[{path}]] with {would_be}")
     if len(value) > MOST_JOINTS:
-        raise RobotError(f"{path}: {len(value)} tables; a robot has {MOST_JOINTS} at most")
+        raise AxisError(f"{path}: {len(value)} tables; a robot has {MOST_JOINTS} at most")
     for k, table in enumerate(value):
         if not isinstance(table, Mapping):
-            raise RobotError(f"{path}[{k}]: must be a table, got {shown(table)}")
+            raise AxisError(f"{path}[{k}]: must be a table, got {shown(table)}")
         name = table.get("name")
         if not isinstance(name, str) or name not in links.moving:
-            raise RobotError(
+            raise AxisError(
                 f"{path}[{k}].name: {shown(name)} is no joint that moves in the URDF; there are "
                 f"{', '.join(links.moving)}"
             )
@@ -168,7 +159,7 @@ def _joints(value: object, links: Urdf, axis_of: Any) -> tuple[Joint, ...]:
     for path, name, table in _tables("joints", value or None, links, would_be):
         _refuse_unknown(f"{path}.", table, ("name", "axis"))
         if name in out:
-            raise RobotError(f"{path}.name: {shown(name)} stands twice; each logged joint once, in the log's order")
+            raise AxisError(f"{path}.name: {shown(name)} stands twice; each logged joint once, in the log's order")
         out[name] = _joint(name, table.get("axis"), f"{path}.axis", axis_of)
     return tuple(out.values())
 
@@ -185,66 +176,58 @@ def _held(value: object, links: Urdf, logged: Sequence[str]) -> dict[str, float]
     for path, name, table in _tables("held", value, links, would_be):
         if name in logged or name in out:
             where = "under [[joints]], where the log says how it moves" if name in logged else "twice"
-            raise RobotError(f"{path}.name: {shown(name)} stands {where}; each joint once")
+            raise AxisError(f"{path}.name: {shown(name)} stands {where}; each joint once")
         key = position_key(links, name)
         _refuse_unknown(f"{path}.", table, ("name", key))
         if key not in table:
-            raise RobotError(f"{path}.{key}: missing; where {name} was held, by the zero of the URDF")
-        out[name] = _number(f"{path}.{key}", table[key], key.rpartition("_")[2], -1e3, 1e3)
+            raise AxisError(f"{path}.{key}: missing; where {name} was held, by the zero of the URDF")
+        out[name] = number(f"{path}.{key}", table[key], key.rpartition("_")[2], at_least=-1e3, at_most=1e3)
     return out
-
-
-def _number(path: str, value: object, unit: str, least: float, most: float) -> float:
-    try:
-        return number(path, value, unit, at_least=least, at_most=most)
-    except ParameterError as error:
-        raise RobotError(str(error)) from None
 
 
 def _joint(name: str, source: object, path: str, axis_of: Any) -> Joint:
     if source is None:
         return rigid_joint(name)
+    if not isinstance(source, Mapping | str):
+        raise AxisError(f"{path}: must be the name of a file beside this one, or the axis itself, got {shown(source)}")
     try:
-        mapping = source if isinstance(source, Mapping) else axis_of(source) if isinstance(source, str) else None
-        if mapping is None:
-            raise RobotError(f"must be the name of a file beside this one, or the axis itself, got {shown(source)}")
-        return Joint(name, read_axis(mapping), described=True)
+        return Joint(name, read_axis(axis_of(source) if isinstance(source, str) else source), described=True)
     except AxisError as error:
-        raise RobotError(f"{path}: {error}") from None
+        raise AxisError(f"{path}: {error}") from None
 
 
 def _payload(value: object) -> Payload:
     if not isinstance(value, Mapping):
-        raise RobotError(f"payload: must be a table, got {shown(value)}")
+        raise AxisError(f"payload: must be a table, got {shown(value)}")
     _refuse_unknown("payload.", value, tuple(f.name for f in fields(Payload)))
-    mass = _number("payload.mass_kg", value.get("mass_kg", 0.0), "kg", 0.0, 1e5)
+    mass = number("payload.mass_kg", value.get("mass_kg", 0.0), "kg", at_least=0.0, at_most=1e5)
     return Payload(mass, _vector("payload.center_m", value.get("center_m", (0.0, 0.0, 0.0)), 100.0, "m"))
 
 
 def _vector(path: str, value: object, most: float, unit: str) -> Vector:
     if not isinstance(value, list | tuple) or len(value) != 3:
-        raise RobotError(f"{path}: must be three numbers in {unit}, such as [0.0, 0.0, 0.0], got {shown(value)}")
-    x, y, z = (_number(f"{path}[{k}]", v, unit, -most, most) for k, v in enumerate(value))
+        raise AxisError(f"{path}: must be three numbers in {unit}, such as [0.0, 0.0, 0.0], got {shown(value)}")
+    x, y, z = (number(f"{path}[{k}]", v, unit, at_least=-most, at_most=most) for k, v in enumerate(value))
     return x, y, z
 
 
 def _refuse_unknown(path: str, table: Mapping[str, object], known: tuple[str, ...]) -> None:
     for key in table:
         if key not in known:
-            raise RobotError(f"{path}{key}: unknown key; known: {', '.join(known)}")
+            raise AxisError(f"{path}{key}: unknown key; known: {', '.join(known)}")
 
 
 def _bytes(path: Path, name: str, most: int = 1 << 20) -> bytes:
     try:
         if path.stat().st_size > most:
-            raise RobotError(f"{name}: has {path.stat().st_size} bytes; it may have {most}")
+            raise AxisError(f"{name}: has {path.stat().st_size} bytes; it may have {most}")
         return path.read_bytes()
     except OSError as error:
-        raise RobotError(f"{name}: {'no such file' if isinstance(error, FileNotFoundError) else error}") from None
+        raise AxisError(f"{name}: {'no such file' if isinstance(error, FileNotFoundError) else error}") from None
 
 
 def _parsed(name: str, text: bytes) -> dict[str, object]:
     try:
         return dict(parse_document(text))
     except TextError as error:
-        raise RobotError(f"{name}: {error}") from None
+        raise AxisError(f"{name}: {error}") from None

@@ -9,6 +9,8 @@ from xml.parsers import expat
 
 import numpy as np
 
+from sim.errors import AxisError
+
 MOVING = ("revolute", "continuous", "prismatic")
 KNOWN = (*MOVING, "fixed")
 LIMITED = ("revolute", "prismatic")
@@ -26,10 +28,6 @@ ROUNDED = 1e-6  # of the largest principal moment: what makers round
 MOST_ELEMENTS, DEEPEST = 20_000, 50
 MOST_MOVING = 128
 """Joints that move: a humanoid with its fingers has about 60; the regressor grows with their square."""
-
-
-class UrdfError(ValueError):
-    """The text is no URDF that can be used; it says why."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +52,12 @@ def read_urdf(text: bytes) -> Urdf:
 
     Raises
     ------
-    UrdfError
+    AxisError
         saying what is wrong and what would be right.
     """
     root = _parsed(text)
     if root.tag != "robot":
-        raise UrdfError(f"the document is <{root.tag[:60]}>, a URDF is <robot>; expand a xacro file first")
+        raise AxisError(f"urdf: the document is <{root.tag[:60]}>, a URDF is <robot>; expand a xacro file first")
     mended: list[str] = []
     kept = ElementTree.Element("robot", {"name": root.get("name", "robot")})
     names: dict[str, set[str]] = {kind: set() for kind in KEPT}
@@ -68,7 +66,7 @@ def read_urdf(text: bytes) -> Urdf:
             continue
         name = part.get("name", "")
         if not name or name in names[part.tag]:
-            raise UrdfError(f"<{part.tag}> {name!r}: a name that no other {part.tag} has is missing")
+            raise AxisError(f"urdf: <{part.tag}> {name!r}: a name that no other {part.tag} has is missing")
         names[part.tag].add(name)
         for child in _keep(kept, part).iter():
             _check_numbers(f"{part.tag} {name!r}", child)
@@ -78,12 +76,12 @@ def read_urdf(text: bytes) -> Urdf:
     kinds = _kinds(kept)
     moving = tuple(name for name, kind in kinds.items() if kind in MOVING)
     if not moving:
-        raise UrdfError("no joint moves")
+        raise AxisError("urdf: no joint moves")
     if len(moving) > MOST_MOVING:
-        raise UrdfError(f"{len(moving)} joints move; there may be {MOST_MOVING}: take out what was not moved")
+        raise AxisError(f"urdf: {len(moving)} joints move; there may be {MOST_MOVING}: take out what was not moved")
     _check_tree(kept, names["link"])
     if not any(float(mass.get("value", "0")) > 0.0 for mass in kept.iter("mass")):
-        raise UrdfError("no link has a mass; a description with <inertial> in its links is needed")
+        raise AxisError("urdf: no link has a mass; a description with <inertial> in its links is needed")
     limits = {
         joint.get("name", ""): (
             float(at.get("lower", "0")),
@@ -104,7 +102,7 @@ def _kinds(kept: ElementTree.Element) -> dict[str, str]:
     kinds = {joint.get("name", ""): joint.get("type", "") for joint in kept.iter("joint")}
     for name, kind in kinds.items():
         if kind not in KNOWN:
-            raise UrdfError(f"joint {name!r}: type {kind!r} is not known here; there are {', '.join(KNOWN)}")
+            raise AxisError(f"urdf: joint {name!r}: type {kind!r} is not known here; there are {', '.join(KNOWN)}")
     return kinds
 
 
@@ -127,9 +125,9 @@ def _parsed(text: bytes) -> ElementTree.Element:
         nonlocal count, depth
         count, depth = count + 1, depth + 1
         if count > MOST_ELEMENTS:
-            raise UrdfError(f"it has more than {MOST_ELEMENTS} elements")
+            raise AxisError(f"urdf: it has more than {MOST_ELEMENTS} elements")
         if depth > DEEPEST:
-            raise UrdfError(f"its elements nest more than {DEEPEST} deep")
+            raise AxisError(f"urdf: its elements nest more than {DEEPEST} deep")
         builder.start(tag, attributes)
 
     def end(tag: str) -> None:
@@ -138,7 +136,7 @@ def _parsed(text: bytes) -> ElementTree.Element:
         builder.end(tag)
 
     def refuse(*_: object) -> None:
-        raise UrdfError("it declares a document type, which no URDF needs; take <!DOCTYPE ...> out")
+        raise AxisError("urdf: it declares a document type, which no URDF needs; take <!DOCTYPE ...> out")
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.StartDoctypeDeclHandler = refuse
@@ -146,15 +144,15 @@ def _parsed(text: bytes) -> ElementTree.Element:
         parser.Parse(text, True)
         return builder.close()
     except expat.ExpatError as error:
-        raise UrdfError(f"this is no XML: {error}") from None
+        raise AxisError(f"urdf: this is no XML: {error}") from None
 
 
 def _check_inertial(link: str, element: ElementTree.Element) -> None:
     missing = [f"<{tag}>" for tag in ("mass", "inertia") if element.tag == "inertial" and element.find(tag) is None]
     if missing:
-        raise UrdfError(
-            f"link {link!r}: its <inertial> has no {' and no '.join(missing)}; write both, or leave <inertial> out of "
-            "a link that weighs nothing"
+        raise AxisError(
+            f"urdf: link {link!r}: its <inertial> has no {' and no '.join(missing)}; write both, or leave <inertial> "
+            "out of a link that weighs nothing"
         )
 
 
@@ -180,9 +178,9 @@ def _check_numbers(where: str, element: ElementTree.Element) -> None:
         except ValueError:
             values = [math.nan]
         if not all(math.isfinite(value) for value in values) or (text is not None and not values):
-            raise UrdfError(f"{where}: {key} of its {element.tag} must be finite numbers, got {str(text)[:60]!r}")
+            raise AxisError(f"urdf: {where}: {key} of its {element.tag} must be finite numbers, got {str(text)[:60]!r}")
         if element.tag == "mass" and values and values[0] < 0.0:
-            raise UrdfError(f"{where}: its mass of {values[0]:g} kg is below 0")
+            raise AxisError(f"urdf: {where}: its mass of {values[0]:g} kg is below 0")
 
 
 def _check_tree(root: ElementTree.Element, links: set[str]) -> None:
@@ -192,16 +190,18 @@ def _check_tree(root: ElementTree.Element, links: set[str]) -> None:
         parent, child = ("" if end is None else end.get("link", "") for end in ends.values())
         for role, link in (("parent", parent), ("child", child)):
             if link not in links:
-                raise UrdfError(f"joint {joint.get('name')!r}: its {role} link {link!r} is not in the file")
+                raise AxisError(f"urdf: joint {joint.get('name')!r}: its {role} link {link!r} is not in the file")
         if child in above:
-            raise UrdfError(f"link {child!r} is the child of two joints; a URDF is a tree")
+            raise AxisError(f"urdf: link {child!r} is the child of two joints; a URDF is a tree")
         above[child] = parent
     bases = sorted(links - set(above))
     if len(bases) != 1:
-        raise UrdfError(f"{len(bases)} links are no joint's child; the base alone should be")
+        raise AxisError(f"urdf: {len(bases)} links are no joint's child; the base alone should be")
     hanging, level = set(bases), set(bases)
     while level:
         level = {child for child, parent in above.items() if parent in level}
         hanging |= level
     if hanging != links:
-        raise UrdfError(f"link {min(links - hanging)!r} does not hang at the base {bases[0]!r}: its joints make a ring")
+        raise AxisError(
+            f"urdf: link {min(links - hanging)!r} does not hang at the base {bases[0]!r}: its joints make a ring"
+        )

@@ -6,9 +6,8 @@ import pytest
 from signals.features import extract
 from signals.motion import HOP_HZ
 from signals.recording import Recording
-from signals.segments import Segments, find_segments
+from signals.segments import LIMITS, Segments, find_segments
 from tests.signals.synthetic import RATE_HZ, Joint, sound
-from signals.segments import LIMITS
 
 STROKE_S, BRAKING_S, DURATION_S = 3.0, 0.2, 20.0
 FALL_DB = 15.0

@@ -9,7 +9,6 @@ from app.web.labels import LabelQuestion
 from app.web.page import SignInNeeded
 from app.web.pages import (
     admin,
-    alarms,
     axes,
     care,
     describe,
@@ -18,7 +17,6 @@ from app.web.pages import (
     fleet,
     investigations,
     library,
-    queue,
     recordings,
     session,
     simulate,
@@ -27,7 +25,6 @@ from app.web.pages import (
 PAGES: tuple[APIRouter, ...] = (
     session.router,
     fleet.router,
-    queue.router,
     diagnoses.router,
     recordings.demonstration,
     recordings.router,
@@ -39,7 +36,7 @@ PAGES: tuple[APIRouter, ...] = (
     first_hour.router,
     simulate.router,
     investigations.router,
-    alarms.router,
+    admin.alarms,
     admin.router,
 )
 

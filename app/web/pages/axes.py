@@ -14,8 +14,7 @@ from sqlalchemy.orm import Session
 from app.http.errors import Unprocessable
 from app.report.standing_words import state_badge, why
 from app.service import Reading, Service, TheService
-from app.web.headlines import newest
-from app.web.page import FromOurPage, PageOperator, PageViewer, lead, render
+from app.web.page import FromOurPage, PageOperator, PageViewer, lead, newest, render
 from app.web.pages.fleet import silent_after
 from casebase.alarms import rules
 from casebase.axes import get_axis, is_axis, list_axes, unknown_axis

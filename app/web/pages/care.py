@@ -19,8 +19,7 @@ from app.http.uploads import TheUpload
 from app.report.words import name_of
 from app.service import Reading, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
-from app.web.counted import of_library
-from app.web.page import FromOurPage, Message, PageAdmin, PageViewer, lead, render, waiting_page
+from app.web.page import ROWS, FromOurPage, Message, PageAdmin, PageViewer, lead, of_library, render, waiting_page
 from casebase import review as care
 from casebase.axes import get_axis, list_axes
 from casebase.errors import NotFoundError
@@ -33,7 +32,6 @@ from sim.experiment.design_of_experiments import LABELS, labels, labels_of
 router = APIRouter(prefix="/library")
 SECTION = "/library"
 HOW = "Each gearbox is left out once, the library diagnoses it from the others."
-SHOWN = 50
 MOST_AT_ONCE = 1000
 KINDS = (
     (
@@ -60,7 +58,7 @@ def review(
     context = {
         "review": found,
         "kinds": [(kind, title, words, getattr(found, kind)) for kind, title, words in KINDS],
-        "shown": SHOWN,
+        "shown": ROWS,
         "edits": session.scalars(
             select(Artifact).where(Artifact.kind == care.KIND).order_by(Artifact.version.desc()).limit(10)
         ).all(),

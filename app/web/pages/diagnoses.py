@@ -1,6 +1,7 @@
-"""Diagnoses: the list, a new one, one of them, what a person says of it, its report."""
+"""Diagnoses: the list, a new one, one of them, what a person says of it; what needs a person; steps taken back."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from shlex import quote
 from typing import Annotated, Literal, TypeVar
@@ -19,11 +20,20 @@ from app.recordings.metadata import RecordingMetadata, read_metadata
 from app.report.diagnosis_view import diagnosis_html, view_of
 from app.report.self_contained import self_contained
 from app.report.steps import told as told_step
-from app.report.words import VERDICTS, how_sure, investigation_headline, verdict_word
+from app.report.words import (
+    VERDICTS,
+    how_sure,
+    investigation_headline,
+    is_compared,
+    name_of,
+    names_fault,
+    verdict_of,
+    verdict_word,
+)
 from app.service import Reading, Service, TheService
-from app.web.counted import counts_of
 from app.web.labels import VERIFICATIONS, LabelGiven, Verified, choices
 from app.web.page import (
+    ROWS,
     FromOurPage,
     Message,
     PageAdmin,
@@ -32,16 +42,18 @@ from app.web.page import (
     SignInNeeded,
     Visitor,
     below_root,
+    counts_of,
     lead,
     render,
 )
-from app.web.pages.queue import number_of, reason_words
 from app.web.pages.recordings import demo_ids
 from casebase.axes import find_axis
 from casebase.cycle.retain import is_undone
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
-from casebase.queue import place_in, waiting
-from casebase.steps import last_step, newest_of, step_name
+from casebase.errors import NotFoundError
+from casebase.gearbox_state import NamedFault
+from casebase.queue import FAULT, UNDECIDED, UNKNOWN, place_in, proposed, waiting
+from casebase.steps import last_step, newest_of, step_name, undo
 from casebase.store.models import Case, StoredDiagnosis
 
 router = APIRouter()
@@ -49,6 +61,8 @@ FILTERS = (("", "All"), *VERDICTS.items())
 LONGEST_VERIFICATION = 500
 Known = TypeVar("Known", bound=RecordingMetadata)
 NUMBERS = {"speed_rad_s": "The largest speed of the output [rad/s]", "payload_kg_m2": "The payload [kg m²]"}
+KINDS = {FAULT: "Fault likely, not confirmed", UNDECIDED: "Undecided", UNKNOWN: "Not in the library"}
+LARGEST_NUMBER = 2**31 - 1
 
 
 @router.get("/")
@@ -290,3 +304,71 @@ def report_html(session: Reading, service: TheService, _: PageViewer, diagnosis_
     page = diagnosis_html(session, service, get_diagnosis(session, diagnosis_id))
     disposition = f'attachment; filename="diagnosis-{diagnosis_id}.html"'
     return self_contained(page, **{"Content-Disposition": disposition})
+
+
+@router.get("/queue")
+def queue(request: Request, service: TheService, session: Reading, principal: PageViewer) -> Response:
+    """The diagnoses that need a person: likely faults first, then the most informative."""
+    naming = service.fleet.naming(session)
+    found = waiting(session, naming, faults_first=True)
+    shown = list(found)[:ROWS]
+    given = session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(shown)))
+    rows = sorted(given, key=lambda row: shown.index(row.id))
+    kinds = Counter(found.values())
+    context: dict[str, object] = {
+        "kinds": [(words, kinds[kind]) for kind, words in KINDS.items() if kind in kinds],
+        "rows": [
+            (row, verdict_of(row.document).headline, reason_words(row, naming.get(row.recording_id))) for row in rows
+        ],
+        "count": len(found),
+        "proposed": proposed(session),
+        "step": told_step(session, number_of(request, "step")),
+        "how_sure": how_sure,
+    }
+    return render(request, "queue.html", context, principal=principal, section="/diagnoses")
+
+
+def reason_words(row: StoredDiagnosis, fault: NamedFault | None = None) -> str:
+    """Say why a diagnosis needs a person.
+
+    Args:
+        fault: that it names and that stands of its gearbox.
+    """
+    if row.verdict == UNKNOWN and not is_compared(row.document):
+        return "It could not be compared. Do what its page says."
+    if row.verdict == UNKNOWN:
+        return "Unlike every known kind. Listen, have it inspected if it comes again, and say what it is."
+    if row.verdict == UNDECIDED and names_fault(row.document):
+        return "A fault is likely, and the library cannot decide which. Do the checks on its page, and say what it is."
+    if row.verdict == UNDECIDED:
+        return "The library cannot decide. Listen, do the checks on its page, and say what it is."
+    name = name_of(row.label).capitalize()
+    if fault is not None and fault.good:
+        since = "1 recording since then has" if fault.good == 1 else f"{fault.good} recordings since then have"
+        return f"{name} was named, and {since} sounded good. A worn gear does not heal: do the checks on its page."
+    return f"{name} is likely. Do the checks on its page, then confirm or correct."
+
+
+def number_of(request: Request, name: str) -> int | None:
+    """Return a number from the address of a page; None where there is none."""
+    text = request.query_params.get(name, "")
+    return min(int(text), LARGEST_NUMBER) if text.isascii() and text.isdigit() and len(text) < 12 else None
+
+
+@router.post("/steps/undo", dependencies=[FromOurPage])
+def take_back(
+    service: TheService,
+    principal: PageOperator,
+    step: Annotated[int, Form(ge=1, le=LARGEST_NUMBER)],
+    queue: Annotated[str, Form()] = "",
+) -> Response:
+    """Take a step back and show what it was about."""
+    with service.library.transaction(principal.actor) as session:
+        what = told_step(session, step)
+        if what is None:
+            raise NotFoundError("this step was taken back already, or never was")
+        if what.by_admin and not principal.role.may(Role.ADMIN):
+            raise Forbidden(f"Cases are changed by admins; you are signed in with the role {principal.role}.")
+        undo(session, step)
+    shown = "undone=1&queue=1" if queue and what.path.startswith("/diagnoses/") else "undone=1"
+    return lead(service, f"{what.path}?{shown}")

@@ -19,14 +19,12 @@ from app.report.steps import told as told_step
 from app.report.words import verdict_of
 from app.service import Reading, Service, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
-from app.web.counted import counted, counts_of
 from app.web.first_hour import Hour, axis_cases, known_of_axis, obstacles
 from app.web.labels import VERIFICATIONS, LabelQuestion, choices, label_given
-from app.web.page import FromOurPage, Message, PageAdmin, PageOperator, PageViewer, lead, render
+from app.web.page import FromOurPage, Message, PageAdmin, PageOperator, PageViewer, counted, counts_of, lead, render
 from app.web.pages.axes import check_known
 from app.web.pages.care import MOST_AT_ONCE
-from app.web.pages.diagnoses import NUMBERS, may_keep, said_how, taken_in, told
-from app.web.pages.queue import number_of
+from app.web.pages.diagnoses import NUMBERS, may_keep, number_of, said_how, taken_in, told
 from casebase.axes import find_axis, list_axes
 from casebase.diagnoses import revise_diagnosis
 from casebase.origins import MEASURED, SIMULATED

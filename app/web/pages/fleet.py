@@ -16,8 +16,7 @@ from app.report.trend import charts_of, level_chart
 from app.report.words import VERDICTS, in_short, is_compared, sure_of
 from app.service import Reading, Service, TheService
 from app.web.first_hour import axis_cases, known_of_axis
-from app.web.headlines import Headlined, newest
-from app.web.page import PageViewer, render, waiting_page
+from app.web.page import ROWS, Headlined, PageViewer, newest, render, waiting_page
 from casebase.axes import is_axis, unknown_axis
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import Reason, Standing, State, standing
@@ -28,7 +27,6 @@ from casebase.store.models import StoredDiagnosis, StoredInvestigation, StoredRe
 
 router = APIRouter()
 SECTION = "/fleet"
-LISTED = 50
 SHOWN = 100
 """Gearboxes on a page of the fleet: more than one reads at once."""
 LARGEST = 10**6
@@ -122,7 +120,7 @@ def gearbox_page(
     stands = standing(shown, trend, at, silent_after(service)) if shown.until is None else None
     heard = list(reversed(shown.heard))
     first = next((k + 1 for k, one in enumerate(heard) if one.recording_id == before), 0)
-    page = heard[first : first + LISTED]
+    page = heard[first : first + ROWS]
     said = diagnoses_said(session, [stands])[0]
     context = {
         "name": name,
@@ -140,7 +138,7 @@ def gearbox_page(
         "charts": charts_of(trend, shown, sizes_of(session, shown)) if trend else (),
         "level": level_chart(trend, shown) if trend else None,
         "heard": page,
-        "older": page[-1].recording_id if first + LISTED < len(heard) else None,
+        "older": page[-1].recording_id if first + ROWS < len(heard) else None,
         "investigations": investigations_of(session, shown),
         "verdicts": VERDICTS,
         "day": lambda value: day(value, zone),

@@ -31,9 +31,8 @@ from app.report.investigation_report import Part, Shown, box_shown, joints_of, o
 from app.report.self_contained import self_contained
 from app.report.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
 from app.service import Reading, TheJobs, TheService
-from app.web.headlines import Headlined, headlined, light
 from app.web.log_preview import log_preview, sound_preview
-from app.web.page import FromOurPage, PageAdmin, PageOperator, PageViewer, lead, render
+from app.web.page import FromOurPage, Headlined, PageAdmin, PageOperator, PageViewer, headlined, lead, light, render
 from casebase.axes import list_axes
 from casebase.diagnoses import get_diagnosis
 from casebase.store import revisions
@@ -125,7 +124,7 @@ def preview(request: Request, _: PageOperator, upload: TheUpload, service: TheSe
 
 def _has_axis(upload: Upload) -> bool:
     """Whether the form has an axis; that of a stored one stands where its description would."""
-    if "axis" in upload.files and upload.files["axis"].size:
+    if "axis" in upload.files and upload.file("axis").size:
         return True
     upload.files.pop("axis", None)
     upload.fields["axis"] = upload.fields.get("axis_name", "").strip()

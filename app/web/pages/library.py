@@ -17,12 +17,10 @@ from app.report.formatting import sentence
 from app.report.recorded import chart_of, features_of
 from app.report.steps import told as told_step
 from app.service import Reading, Service, TheService
-from app.web.counted import counts_of, of_library
 from app.web.first_hour import axis_cases
 from app.web.labels import VERIFICATIONS, LabelGiven, LabelQuestion, choices, damage_of, label_given
-from app.web.page import FromOurPage, Message, PageAdmin, PageViewer, lead, render, waiting_page
-from app.web.pages.diagnoses import number, said_how, taken_in, told
-from app.web.pages.queue import number_of
+from app.web.page import FromOurPage, Message, PageAdmin, PageViewer, counts_of, lead, of_library, render, waiting_page
+from app.web.pages.diagnoses import number, number_of, said_how, taken_in, told
 from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.reasoning.evaluation import Evaluation
 from casebase.search.axis_cases import LabelCases

@@ -17,8 +17,9 @@ from benchmarks.robot_arms import (
     urdf,
     with_mass,
 )
+from sim.errors import AxisError
 from sim.robot.rigid_body import RigidBody
-from sim.robot.robot import Payload, Robot, RobotError, rigid_joint
+from sim.robot.robot import Payload, Robot, rigid_joint
 from sim.robot.urdf import read_urdf
 
 G = 9.81
@@ -156,5 +157,5 @@ def test_unknown_are_the_joints_whose_motion_changes_a_logged_torque(logged: tup
 def test_what_mujoco_refuses_is_an_error_of_the_urdf() -> None:
     links = two_links()
     flat = replace(links[0], axis=(0.0, 0.0, 0.0))
-    with pytest.raises(RobotError, match=r"^urdf: .*axis"):
+    with pytest.raises(AxisError, match=r"^urdf: .*axis"):
         RigidBody.of(robot([flat, links[1]]))

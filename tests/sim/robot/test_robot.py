@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.robot_arms import two_links, write_robot
-from sim.robot.robot import RobotError, read_robot
+from sim.errors import SimulationError
+from sim.robot.robot import read_robot
 
 
 def test_a_robot_is_read_with_what_stands_beside_it(tmp_path: Path) -> None:
@@ -58,7 +59,7 @@ def test_what_is_not_said_is_a_robot_on_the_floor_with_nothing_at_its_flange(tmp
     ],
 )
 def test_a_refusal_names_its_key(tmp_path: Path, head: str, tail: str, key: str) -> None:
-    with pytest.raises(RobotError) as refused:
+    with pytest.raises(SimulationError) as refused:
         read_robot(write_robot(tmp_path, two_links(), head=head, tail=tail))
     assert str(refused.value).startswith(key)
 
@@ -78,7 +79,7 @@ def test_a_joint_that_is_held_has_its_place_in_the_unit_of_its_kind(tmp_path: Pa
         ('name = "joint2"\nposition_rad = 0.1\n[[held]]\nname = "joint2"\nposition_rad = 0.1', "held[1].name"),
     ):
         path.write_text(f"{text}[[held]]\n{tail}")
-        with pytest.raises(RobotError) as refused:
+        with pytest.raises(SimulationError) as refused:
             read_robot(path)
         assert str(refused.value).startswith(said)
 
@@ -93,10 +94,10 @@ def test_files_that_are_not_there_or_no_robots_are_said(tmp_path: Path) -> None:
         (text.split("[[joints]]")[0], "joints: missing"),
     ):
         path.write_text(wrong)
-        with pytest.raises(RobotError) as refused:
+        with pytest.raises(SimulationError) as refused:
             read_robot(path)
         assert str(refused.value).startswith(said)
     path.write_text(text)
     (tmp_path / "arm.urdf").write_text("<html/>")
-    with pytest.raises(RobotError, match=r"^urdf: the document is <html>"):
+    with pytest.raises(SimulationError, match=r"^urdf: the document is <html>"):
         read_robot(path)

@@ -5,7 +5,8 @@ import re
 import pytest
 
 from benchmarks.robot_arms import Link, two_links, urdf
-from sim.robot.urdf import MOST_ELEMENTS, UrdfError, read_urdf
+from sim.errors import AxisError
+from sim.robot.urdf import MOST_ELEMENTS, read_urdf
 
 ARM = urdf(two_links())
 INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
@@ -44,7 +45,7 @@ def joint(name: str, parent: str, child: str, kind: str = "revolute") -> str:
     ],
 )
 def test_a_refusal_says_what_is_wrong(text: str, said: str) -> None:
-    with pytest.raises(UrdfError) as refused:
+    with pytest.raises(AxisError) as refused:
         read_urdf(text.encode())
     assert said in str(refused.value)
 
