@@ -57,7 +57,7 @@ check: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/check_lock.py
-	@if [ -x "$(GEARCASE_SHARED)/tools/house_size" ]; then "$(GEARCASE_SHARED)/tools/house_size" .; fi
+	$(BIN)/python .ci/check_size.py
 
 # the tools that make the lock are not needed to use it: python3 -m pip install uv
 LOCK := uv pip compile pyproject.toml --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate --python-version 3.11 --quiet

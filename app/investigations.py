@@ -320,16 +320,16 @@ def _investigated_together(
     library: CaseLibrary, row: StoredInvestigation, report: Report
 ) -> tuple[dict[str, object], str]:
     from sim.investigation.pooling.joint_investigation import investigate_together
-    from sim.investigation.pooling.pooled_estimates import Taken
+    from sim.investigation.pooling.pooled_estimates import NamedRecording
     from sim.investigation.report.summary import parts_together, story_together
 
     telemetry = zip(names_of(row, "telemetry"), _paths(library, row, "telemetry"), strict=True)
-    recordings = [Taken(name, read_telemetry(path, channels=_channels(row))) for name, path in telemetry]
+    recordings = [NamedRecording(name, read_telemetry(path, channels=_channels(row))) for name, path in telemetry]
     for place, sound in enumerate(_sounds(library, row, "sound")):
         recordings[place] = replace(recordings[place], sound=sound, sound_name=sound.name)
     found = investigate_together(read_axis(row.axis_document), recordings, report, _offset(row))
     document = {**found.document(), "story": story_together(found)}
-    files = [part.taken.name for part in found.parts]
+    files = [part.recording.name for part in found.parts]
     return _plain(document), investigation_report(document, found.combined.axis, files, parts_together(found))
 
 

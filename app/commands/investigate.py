@@ -24,7 +24,7 @@ from sim.investigation.data.pairing import check_pairs
 from sim.investigation.investigate import Progress
 from sim.investigation.investigate import investigate as investigate_one
 from sim.investigation.pooling.joint_investigation import investigate_together
-from sim.investigation.pooling.pooled_estimates import Taken
+from sim.investigation.pooling.pooled_estimates import NamedRecording
 from sim.investigation.report.box import unexplained_words
 from sim.investigation.report.checks import ROWS, checked
 from sim.investigation.report.formatting import angle, likely, named
@@ -106,8 +106,8 @@ def investigate(
         result, document = together.combined, together.document()
         parts = parts_together(together) if report else []
         shown = story_together(together) if report else {}
-        files = [part.taken.name for part in together.parts]
-        whose = [f"{part.taken.name}: " for part in together.parts for _ in part.gain]
+        files = [part.recording.name for part in together.parts]
+        whose = [f"{part.recording.name}: " for part in together.parts for _ in part.gain]
     else:
         first = measured[0] if measured else None
         result = _watched(lambda watch: investigate_one(described, first, heard, watch, sound_offset, before))
@@ -168,11 +168,11 @@ def _read(path: Path, read: Callable[[Path], Read]) -> Read:
 
 def _taken(
     telemetry: Sequence[Path], measured: Sequence[Telemetry], sound: Sequence[Path], heard: Sequence[Recording]
-) -> list[Taken]:
+) -> list[NamedRecording]:
     """Recordings with what they are called: file names, or whole paths where those are alike."""
     alike = len({path.name for path in telemetry}) < len(telemetry)
     names = [str(path) if alike else path.name for path in telemetry]
-    taken = [Taken(name, one) for name, one in zip(names, measured, strict=True)]
+    taken = [NamedRecording(name, one) for name, one in zip(names, measured, strict=True)]
     for place, (path, one) in enumerate(zip(sound, heard, strict=True)):
         taken[place] = replace(taken[place], sound=one, sound_name=path.name)
     return taken

@@ -22,7 +22,7 @@ from sim.investigation.report.box import (
 )
 from sim.investigation.report.formatting import named
 from sim.investigation.report.panels import AS_DESCRIBED, SHOWS, style_of
-from sim.investigation.results import SAID
+from sim.investigation.results import REPORTED
 from sim.investigation.unexplained import unexplained_of
 from sim.robot.results import SAYS
 
@@ -63,7 +63,7 @@ def investigation_report(
     """
     from sim.investigation.estimation.problem import MISTAKEN  # slow to import, which no page need wait for
     from sim.investigation.model.nominal import DAMPING_SPREAD, LOSS_SPREAD, PAYLOAD_SPREAD, STATED_SPREAD
-    from sim.investigation.report.wording import telling_apart
+    from sim.investigation.report.wording import measurement_between
 
     context = {
         "style": style_sheet(),
@@ -79,7 +79,7 @@ def investigation_report(
         "size_of": size_of,
         "unexplained_words": lambda found: unexplained_words(unexplained_of(found)),
         "rests_of_robot": rests_of_robot,
-        "telling_apart": telling_apart,
+        "telling_apart": measurement_between,
         "highest": highest,
         "shows": SHOWS,
         "spreads": {"stated": STATED_SPREAD, "loss": LOSS_SPREAD, "payload": PAYLOAD_SPREAD, "damping": DAMPING_SPREAD},
@@ -166,7 +166,7 @@ def _says(verdict: str, findings: Sequence[Document]) -> str:
     >>> _says("named", [{"mechanism": "viscous_friction", "probability": 0.95}])
     'viscous friction'
     """
-    likely = [named(str(one["mechanism"])) for one in findings if one["probability"] >= SAID]
+    likely = [named(str(one["mechanism"])) for one in findings if one["probability"] >= REPORTED]
     return ", ".join(dict.fromkeys(likely)) if verdict == "named" and likely else SAYS[verdict]
 
 

@@ -14,34 +14,32 @@ from signals.recording import Recording
 from signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.investigation.acoustic.evidence import AcousticFinding
-from sim.investigation.acoustic.fusion import beside, listen, listen_alone
-from sim.investigation.acoustic.synchrony import mismatch
+from sim.investigation.acoustic.fusion import not_named_yet, sound_alone, sound_beside_telemetry
+from sim.investigation.acoustic.recording_quality import mismatch
 from sim.investigation.assessment.intervals import estimates
 from sim.investigation.assessment.misfit import adequacy, excess, widened
 from sim.investigation.assessment.remarks import (
-    NO_REFERENCE,
     contact_loss_remarks,
-    controller_law_remarks,
     description_remarks,
     excitation_remarks,
     misfit_remarks,
     shown_remark,
     standstill_remarks,
 )
-from sim.investigation.assessment.residual_structure import look, nameless
+from sim.investigation.assessment.residual_structure import nameless, structure_of
 from sim.investigation.assessment.verdict import (
-    beside_doubts,
-    beside_what_is_left,
+    NAMES,
+    discount_if_residual,
     drop_unidentifiable,
+    drop_within_tolerance,
     finding_of,
     finding_of_fault,
     finding_of_sound,
     left,
     predicting,
     refit_reported,
-    terms_said,
+    reported_terms,
     under_misfit,
-    under_own_noise,
 )
 from sim.investigation.data.excitation import excitation_of
 from sim.investigation.data.pairing import NOT_COMPARED, check_as_new
@@ -56,8 +54,7 @@ from sim.investigation.model.one_body import as_described, at_the_motor, has_rat
 from sim.investigation.next_measurement.advice import in_words, simulated_advice
 from sim.investigation.report.maintenance_actions import action
 from sim.investigation.report.wording import next_measurement, numbers_of
-from sim.investigation.results import SAID, Finding, Investigation
-from sim.investigation.search.own_noise import NAMES
+from sim.investigation.results import REPORTED, Finding, Investigation
 from sim.investigation.search.search import Selection, select
 from sim.investigation.unexplained import Unexplained, rounded
 
@@ -105,8 +102,8 @@ def investigate(
     if is_one_body(axis, telemetry) and has_ratios_alone(axis):
         one = _of_torque(axis, _at_motor(axis, telemetry), telemetry, sounds, sound_offset_s, progress)
         return replace(one, extended=as_described(axis, one.extended))
-    gate = examine(axis, telemetry, known_doubts, gear)
-    return _of_torque(axis, gate, telemetry, sounds, sound_offset_s, progress)
+    data_check = examine(axis, telemetry, known_doubts, gear)
+    return _of_torque(axis, data_check, telemetry, sounds, sound_offset_s, progress)
 
 
 def _at_motor(axis: Axis, telemetry: Telemetry) -> DataCheck:
@@ -119,57 +116,58 @@ def _at_motor(axis: Axis, telemetry: Telemetry) -> DataCheck:
 
 def _of_torque(
     described: Axis,
-    gate: DataCheck,
+    data_check: DataCheck,
     telemetry: Telemetry,
     sounds: tuple[Recording, ...],
     sound_offset_s: float,
     progress: Progress,
 ) -> Investigation:
-    """Hold what came through the gate against the model of its description."""
-    axis, recorded = gate.axis, excitation_of(gate.measurement)
+    """Hold what was checked against the model of its description."""
+    axis, recorded = data_check.axis, excitation_of(data_check.measurement)
     progress("calibration of the description", 0.08)
-    problem, base = calibrate(Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown))
-    weighed = under_own_noise(drop_unidentifiable(select(problem, base, progress, gate.law)))
+    problem, base = calibrate(
+        Problem(axis, data_check.measurement, _first_noise(data_check), unknown=data_check.unknown)
+    )
+    weighed = drop_unidentifiable(select(problem, base, progress))
     progress("sound", 0.78)
-    heard, left_of_sound = listen(described, sounds[0], gate.measurement, sound_offset_s) if sounds else ((), None)
-    strange = mismatch(sounds[0], gate.measurement, sound_offset_s) if sounds else ()
+    heard, left_of_sound = (
+        sound_beside_telemetry(described, sounds[0], data_check.measurement, sound_offset_s) if sounds else ((), None)
+    )
+    strange = mismatch(sounds[0], data_check.measurement, sound_offset_s) if sounds else ()
     progress("gain on data not used for the fit", 0.85)
     selection, places, rest = _finally_fitted(weighed)
     rest += [left_of_sound] if left_of_sound else []
     progress("residual", 0.92)
     problem, fit = selection.problem, selection.fit
-    findings = beside_what_is_left(_found(gate, selection, heard), rest, doubted=bool(gate.measurement.doubts.size))
+    findings = discount_if_residual(
+        _found(data_check, selection, heard), rest, doubted=bool(data_check.measurement.doubts.size)
+    )
     findings, fit = refit_reported(selection, findings)
     findings, fit, gained = predicting(selection, fit, findings)
     misfit = excess(problem, fit, gained)
     findings = under_misfit(findings, adequacy(misfit, gained, whole=False))
-    findings = tuple(advised(axis, f) for f in findings)
+    findings = tuple(with_action(axis, f) for f in findings)
     doubts = misfit_remarks(fit, gained)
-    telling = beside_doubts(findings, doubted=bool(gate.measurement.doubts.size))
+    telling = drop_within_tolerance(findings, doubted=bool(data_check.measurement.doubts.size))
     verdict, rest = _verdict(telling, rest, places, doubted=bool(doubts) or any(misfit))
     findings = tuple(f for f in findings if f.probability > 1.0 / (1.0 + NAMES))  # as likely as before any data
     progress("next measurement", 0.96)
     told = simulated_advice(weighed, findings)
     advice = in_words(told) or next_measurement(axis, findings, rest, problem.guided)
-    quieted = (
-        controller_law_remarks(problem, gate)
-        if "reference_position_rad" in telemetry or verdict == "named"
-        else (NO_REFERENCE,)
-    )
     progress("done", 1.0)
     return Investigation(
         axis, verdict, findings, rest[0] if rest else None,
         widened(estimates(problem, fit), adequacy(misfit, gained, whole=True)), gained,
-        advice, extended_axis(axis, fit, terms_said(fit, findings)),
+        advice, extended_axis(axis, fit, reported_terms(fit, findings)),
         _provenance(axis, telemetry, sounds, problem.measurement),
         tuple((str(r.term.key), r.gain) for r in selection.rejected[:6]),
         (
-            shown_remark(axis, recorded), *gate.remarks, *doubts, *strange, *quieted,
+            shown_remark(axis, recorded), *data_check.remarks, *doubts, *strange,
             *description_remarks(problem, fit), *excitation_remarks(excitation_of(problem.measurement)),
             *standstill_remarks(problem), *contact_loss_remarks(problem),
         ),
         told, selection,
-        weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,
+        weighed=weighed, data_check=data_check, sounds=sounds, sound_offset_s=sound_offset_s,
     )  # fmt: skip
 
 
@@ -177,21 +175,21 @@ def _finally_fitted(weighed: Selection) -> tuple[Selection, list[Unexplained], l
     """The selection with both fits at their ends; where the residual has structure, and what of it is left."""
     problem, fit, base = weighed.problem, weighed.fit, weighed.base
     base = problem.fit((), base.values, held=base.sensitivities) if fit.terms else fit
-    places = look(problem, fit)
+    places = structure_of(problem, fit)
     rest = [nameless(weighed, term) for term in weighed.nameless] + left(places, fit)
     _, base = final_fit(problem, base)
     problem, fit = final_fit(problem, fit)
     return replace(weighed, problem=problem, base=base, fit=fit), places, rest
 
 
-def _found(gate: DataCheck, selection: Selection, heard: Sequence[AcousticFinding]) -> tuple[Finding, ...]:
+def _found(data_check: DataCheck, selection: Selection, heard: Sequence[AcousticFinding]) -> tuple[Finding, ...]:
     """Of the motion, of the channels and of the sound; what is heard of the same cause is no finding of its own."""
     found = selection.found
-    named = [term.mechanism for term in found] + [fault.mechanism for fault in gate.faults]
+    named = [term.mechanism for term in found] + [fault.mechanism for fault in data_check.faults]
     return (
         *(finding_of(selection, term) for term in found),
-        *(finding_of_fault(fault) for fault in gate.faults),
-        *(finding_of_sound(h) for h in beside(named, heard, selection.problem.guided)),
+        *(finding_of_fault(fault) for fault in data_check.faults),
+        *(finding_of_sound(h) for h in not_named_yet(named, heard, selection.problem.guided)),
     )
 
 
@@ -200,16 +198,16 @@ def _verdict(
 ) -> tuple[str, list[Unexplained]]:
     """The verdict, and what is left: where no name is more likely than not something is there all the same, and a model
     that does not hold is not complete."""
-    if any(f.probability >= SAID for f in findings):
+    if any(f.probability >= REPORTED for f in findings):
         return "named", rest
     if findings or doubted:
         rest = rest or places[:1]
     return "unnamed" if rest else "nothing_missing", rest
 
 
-def _first_noise(gate: DataCheck) -> Noise:
+def _first_noise(data_check: DataCheck) -> Noise:
     """Weights before anything is known: what of the torque is too fast for the motion, and the load's share of it."""
-    m = gate.measurement
+    m = data_check.measurement
     fast = float(np.std(np.diff(m.torque))) / math.sqrt(2.0) + 1e-3 * float(np.std(m.torque))
     return Noise.flat(3.0 * fast, 50.0 * fast)
 
@@ -219,13 +217,13 @@ def _sound_alone(
 ) -> Investigation:
     progress("sound", 0.2)
     check_as_new((sound.sha256 for sound in sounds), (sound.sha256 for sound in as_new))
-    listened = listen_alone(axis, sounds, as_new)
-    findings = tuple(advised(axis, finding_of_sound(h)) for h in listened.heard)
+    listened = sound_alone(axis, sounds, as_new)
+    findings = tuple(with_action(axis, finding_of_sound(h)) for h in listened.heard)
     progress("done", 1.0)
     return Investigation(
         axis, "named" if findings else "unnamed" if listened.left else "nothing_missing", findings, listened.left,
         (), (), listened.next_measurement, axis,
-        {**_provenance(axis, None, sounds, None), **_compared(as_new)}, remarks=listened.remarks, listening=listened,
+        {**_provenance(axis, None, sounds, None), **_compared(as_new)}, remarks=listened.remarks, acoustic=listened,
         sounds=tuple(sounds),
     )  # fmt: skip
 
@@ -236,16 +234,18 @@ def _encoders_alone(
     """Without torque no model is fitted: what motor and load differ by is looked at, and what is heard."""
     seen = encoders_alone(axis, telemetry)
     progress("sound", 0.78)
-    heard, left_of_sound = listen(axis, sounds[0], seen.measurement, sound_offset_s) if sounds else ((), None)
+    heard, left_of_sound = (
+        sound_beside_telemetry(axis, sounds[0], seen.measurement, sound_offset_s) if sounds else ((), None)
+    )
     strange = mismatch(sounds[0], seen.measurement, sound_offset_s) if sounds else ()
     named = {f.mechanism for f in seen.findings}
     findings = (*seen.findings, *(finding_of_sound(h) for h in heard if h.mechanism not in named))
     rest = seen.unexplained or left_of_sound
     verdict = "nothing_missing" if rest is None else "unnamed"
-    verdict = "named" if any(f.probability >= SAID for f in findings) else verdict
+    verdict = "named" if any(f.probability >= REPORTED for f in findings) else verdict
     progress("done", 1.0)
     return Investigation(
-        axis, verdict, tuple(advised(axis, f) for f in findings), rest, (), seen.gain, NEXT, seen.extended,
+        axis, verdict, tuple(with_action(axis, f) for f in findings), rest, (), seen.gain, NEXT, seen.extended,
         _provenance(axis, telemetry, sounds, seen.measurement), remarks=(*seen.remarks, *strange),
         encoders=seen.panels, sounds=tuple(sounds), sound_offset_s=sound_offset_s,
     )  # fmt: skip
@@ -255,7 +255,7 @@ def _compared(as_new: Sequence[Recording]) -> dict[str, object]:
     return {"as_new_sha256": "+".join(one.sha256 for one in as_new)} if as_new else {}
 
 
-def advised(axis: Axis, finding: Finding) -> Finding:
+def with_action(axis: Axis, finding: Finding) -> Finding:
     """With what to do now about it."""
     f = finding
     return replace(f, action=action(axis, f.mechanism, f.location, numbers_of(f), f.probability))

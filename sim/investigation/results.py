@@ -11,13 +11,13 @@ from sim.investigation.unexplained import Unexplained, rounded, unexplained_docu
 if TYPE_CHECKING:  # a page that shows a document needs none of what found it
     from signals.recording import Recording
     from sim.description.axis import Axis
-    from sim.investigation.acoustic.evidence import Listening
+    from sim.investigation.acoustic.evidence import AcousticResult
     from sim.investigation.assessment.posterior import Evidence
     from sim.investigation.data.validation import DataCheck
     from sim.investigation.report.panels import Panel
     from sim.investigation.search.search import Selection
 
-SAID = 0.5  # probability from which a name is said
+REPORTED = 0.5  # probability from which a name is said
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,8 @@ class Investigation:
     remarks: tuple[str, ...] = ()
     next_measurements: tuple[MeasurementUtility, ...] = ()
     selection: Selection | None = field(default=None, repr=False, compare=False)
-    listening: Listening | None = field(default=None, repr=False, compare=False)
-    gate: DataCheck | None = field(default=None, repr=False, compare=False)
+    acoustic: AcousticResult | None = field(default=None, repr=False, compare=False)
+    data_check: DataCheck | None = field(default=None, repr=False, compare=False)
     sounds: tuple[Recording, ...] = field(default=(), repr=False, compare=False)
     sound_offset_s: float = 0.0
     weighed: Selection | None = field(default=None, repr=False, compare=False)
@@ -95,12 +95,12 @@ class Investigation:
     @property
     def examined(self) -> tuple[str, ...]:
         """Mechanisms that sound alone let be looked for; empty with telemetry, by which `rejected` tells."""
-        return () if self.listening is None else self.listening.examined
+        return () if self.acoustic is None else self.acoustic.examined
 
     @property
     def not_examined(self) -> Mapping[str, str]:
         """Mechanisms that sound alone did not let be looked for, to the reason; empty with telemetry."""
-        return {} if self.listening is None else self.listening.not_examined
+        return {} if self.acoustic is None else self.acoustic.not_examined
 
     def document(self) -> dict[str, object]:
         """JSON of the contract: finite numbers only, the same for the same bytes."""
@@ -116,7 +116,7 @@ class Investigation:
             "rejected": [{"mechanism": name, "gain": rounded(gain)} for name, gain in self.rejected],
             "remarks": list(self.remarks),
             "provenance": dict(self.provenance),
-            **({} if self.listening is None else
+            **({} if self.acoustic is None else
                {"examined": list(self.examined), "not_examined": dict(self.not_examined)}),
         }  # fmt: skip
 

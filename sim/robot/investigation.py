@@ -19,8 +19,8 @@ from sim.investigation.assessment.intervals import NINETY
 from sim.investigation.data.data_fault import InvestigationError, TooLittleMotion
 from sim.investigation.investigate import investigate, telemetry_sha256
 from sim.investigation.model.one_body import as_described, at_the_motor, is_one_body
-from sim.investigation.report.wording import telling_what_is_left
-from sim.investigation.results import SAID, Estimate, Finding, Investigation
+from sim.investigation.report.wording import measurement_of_the_rest
+from sim.investigation.results import REPORTED, Estimate, Finding, Investigation
 from sim.investigation.unexplained import rounded
 from sim.mechanisms import TimeDelay
 from sim.robot.motion import Motion
@@ -100,7 +100,7 @@ def investigate_robot(
     payload = _payload_finding(robot, shared.payload)
     found = [f for joint in joints for f in joint.investigation.findings] + ([] if payload is None else [payload])
     rest = any(joint.investigation.unexplained is not None for joint in joints)
-    verdict = "named" if any(f.probability >= SAID for f in found) else "unnamed" if rest else "nothing_missing"
+    verdict = "named" if any(f.probability >= REPORTED for f in found) else "unnamed" if rest else "nothing_missing"
     progress("done", 1.0)
     return RobotInvestigation(
         robot, verdict, payload, tuple(joints), shared, _payload_parameters(robot, shared),
@@ -125,7 +125,7 @@ def _in_time(
             (one.probability, k, j)
             for k, fit in enumerate(fits)
             for j, one in enumerate(fit.late)
-            if one.probability >= SAID and abs(one.delay_s) > half_s[k]
+            if one.probability >= REPORTED and abs(one.delay_s) > half_s[k]
             if j not in late[k] and (k, j) not in none
         ]
         if not found:
@@ -133,7 +133,7 @@ def _in_time(
         _, k, j = max(found)
         by_s, moved, then = _followed(robot, body, motions, fits, k, j)
         one = fits[k].late[j].found_at(by_s, then[k].late[j].deviation_s)
-        if by_s and one.probability >= SAID and one.is_delay(2.0 * half_s[k]):
+        if by_s and one.probability >= REPORTED and one.is_delay(2.0 * half_s[k]):
             late[k][j], motions, fits = one, moved, then
         else:
             none.add((k, j))
@@ -292,7 +292,7 @@ def _payload_numbers(robot: Robot, payload: PayloadEstimate) -> tuple[Estimate, 
 
 def _payload_finding(robot: Robot, payload: PayloadEstimate) -> Finding | None:
     """A payload that the description lacks."""
-    if robot.payload.mass_kg or payload.probability < SAID or payload.mass_kg <= 0.0:
+    if robot.payload.mass_kg or payload.probability < REPORTED or payload.mass_kg <= 0.0:
         return None
     return Finding(
         PAYLOAD, PAYLOAD, payload.probability, _payload_numbers(robot, payload), (),
@@ -346,7 +346,7 @@ def _next_measurement(joints: Sequence[JointInvestigation], shared: SharedFit) -
         )
     for joint in joints:
         if joint.investigation.unexplained is not None:
-            return f"{joint.name}: {telling_what_is_left(joint.investigation.unexplained)}"
+            return f"{joint.name}: {measurement_of_the_rest(joint.investigation.unexplained)}"
     return "No further measurement is needed for what was found; record the same motion again to see what changes."
 
 

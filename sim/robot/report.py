@@ -16,7 +16,7 @@ from sim.investigation.report.formatting import likely, named
 from sim.investigation.report.panels import EXTENDED, MEASURED, RIGID, Panel
 from sim.investigation.report.residual_panels import channels
 from sim.investigation.report.summary import story
-from sim.investigation.results import SAID, Finding
+from sim.investigation.results import REPORTED, Finding
 from sim.mechanisms.catalogue import is_in_every_axis
 from sim.robot.results import SAYS, RobotInvestigation
 from sim.robot.robot import joint_words, slides
@@ -91,7 +91,7 @@ def headline(result: RobotInvestigation) -> str:
     """The result in one sentence."""
     if result.verdict == "nothing_missing":
         return "The rigid-body model and the description of the joints explain what was measured."
-    said = [f for f in _findings(result) if f[1].probability >= SAID]
+    said = [f for f in _findings(result) if f[1].probability >= REPORTED]
     joints = {place for place, f in said if is_in_every_axis(f.mechanism)}
     places: dict[str, list[str]] = {}
     for place, f in said:

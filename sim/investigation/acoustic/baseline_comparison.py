@@ -85,7 +85,9 @@ def grown(axis: Axis, courses: Sequence[Course], as_new: Sequence[Course]) -> Gr
     return Grown((*_mesh_error(axis, teeth), *_resonance(ringing, told)), quiet)
 
 
-def strangers_as_new(courses: Sequence[Course], as_new: Sequence[Course], names: Sequence[str]) -> tuple[str, ...]:
+def unlike_recordings_as_new(
+    courses: Sequence[Course], as_new: Sequence[Course], names: Sequence[str]
+) -> tuple[str, ...]:
     """A remark where a recording has so little in common with those as new that they may be of another gearbox."""
     out = []
     for name, course in zip(names, courses, strict=True):

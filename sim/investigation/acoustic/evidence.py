@@ -81,7 +81,7 @@ def probability(p_values: Iterable[float | None]) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Listening:
+class AcousticResult:
     """Findings, candidates that were rejected with their probability, remarks, what to measure next.
 
     `examined`: mechanisms that the recordings let be looked for; `not_examined`: all others, to the reason. `names`:

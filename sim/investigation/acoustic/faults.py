@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from sim.description.axis import Axis
 from sim.investigation.acoustic.bearing import TURNS_TAIL, bearing_family, bearing_hindrance, turns_of_tooth
 from sim.investigation.acoustic.evidence import AcousticFinding, Tail, log_ratio, probability
-from sim.investigation.acoustic.impacts import Bump, end_of_strokes, impacts, notch_bump, play_bump
+from sim.investigation.acoustic.impacts import Bump, end_of_half_cycles, impacts, notch_bump, play_bump
 from sim.investigation.acoustic.operating_states import Course
 from sim.mechanisms import Backlash, BearingDefect, MeshError, ToothDamage
 
@@ -70,7 +70,7 @@ def sign_of_tooth(axis: Axis, course: Course) -> Sign | None:
             "other does: a damaged tooth that meets the mesh, unless something beside the axis knocked. Strokes cannot "
             "be laid over each other, so that its angle is not known."
         )
-        end = end_of_strokes(course)
+        end = end_of_half_cycles(course)
         played = end is not None and log_ratio(END_TAIL.p_value(end.score)) > CLEAR
         p_value = 1.0 if played else IMPACTS_TAIL.p_value(bump.score)
         found.append(Sign(p_value, bump.height_db, text, only, None, (MeshError.name,)))
@@ -79,7 +79,7 @@ def sign_of_tooth(axis: Axis, course: Course) -> Sign | None:
 
 def sign_of_play(axis: Axis, course: Course, tooth: Sign | None) -> Sign | None:
     """What is heard of play; None where it cannot be looked for. A tooth that is damaged much more may sound so."""
-    bump = play_bump(course) if course.repeats else end_of_strokes(course)
+    bump = play_bump(course) if course.repeats else end_of_half_cycles(course)
     if bump is None or not axis.stages:
         return None
     where = "At both ends of the motion" if course.repeats else "At the end of most strokes"

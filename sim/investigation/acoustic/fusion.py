@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from signals.recording import Recording
 from sim.description.axis import Axis
-from sim.investigation.acoustic.baseline_comparison import Grown, grown, strangers_as_new
+from sim.investigation.acoustic.baseline_comparison import Grown, grown, unlike_recordings_as_new
 from sim.investigation.acoustic.coverage import WORDS, reach
-from sim.investigation.acoustic.evidence import AcousticFinding, Listening
+from sim.investigation.acoustic.evidence import AcousticFinding, AcousticResult
 from sim.investigation.acoustic.faults import bearing_defect, tooth_and_play
 from sim.investigation.acoustic.operating_states import LEAST_CRUISES, Course, course_of
 from sim.investigation.acoustic.recording_quality import recording_faults
@@ -49,22 +49,22 @@ COMPARE = (
 )
 
 
-def listen(
+def sound_beside_telemetry(
     axis: Axis, sound: Recording, measurement: Measurement | None, offset_s: float
 ) -> tuple[tuple[AcousticFinding, ...], Unexplained | None]:
     """Findings of one recording, and what is left of it; with telemetry, speed and reversals are the measured ones."""
     if measurement is None:
-        alone = listen_alone(axis, [sound])
+        alone = sound_alone(axis, [sound])
         return alone.heard, alone.left
     course = course_of(axis, sound, measurement, offset_s)
     machine = [h for h in tooth_and_play(axis, [course]) if h.probability >= SURE]
     bearing = [h for h in bearing_defect(axis, [course]) if h.probability >= SAID]
     out = [*recording_faults(course), *bearing, *(replace(h, indistinguishable_from=()) for h in machine)]
     left = _left([course], [], named=bool(out))
-    return tuple(beside_rest(h, left) for h in out), left
+    return tuple(discounted(h, left) for h in out), left
 
 
-def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recording] = ()) -> Listening:
+def sound_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recording] = ()) -> AcousticResult:
     """Findings of one or more recordings of the same axis, made without telemetry.
 
     `as_new`: recordings of the same motion from when the axis was in good order, to compare with.
@@ -82,7 +82,7 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recor
         within.sentence(),
         *(f"{name}: {c.contradiction}" for name, c in zip(names, courses, strict=True) if c.contradiction),
         *contradictions(machine, names),
-        *strangers_as_new(courses, before, names),
+        *unlike_recordings_as_new(courses, before, names),
         *copied,
         *told,
         ADVICE,
@@ -91,9 +91,9 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recor
         *(() if as_new else (COMPARE,)),
     )  # fmt: skip
     left = _left(courses, before, named=bool(found))
-    heard = tuple(beside_rest(with_recordings(h, names), left) for h in found)
+    heard = tuple(discounted(with_recordings(h, names), left) for h in found)
     following = _next(heard, courses)
-    return Listening(
+    return AcousticResult(
         heard, rejected, remarks, following, courses, within.examined, within.not_examined, names, before, left
     )
 
@@ -106,7 +106,7 @@ def _left(courses: Sequence[Course], as_new: Sequence[Course], *, named: bool) -
     return max(new, key=lambda u: u.score, default=None)
 
 
-def beside_rest(heard: AcousticFinding, left: Unexplained | None) -> AcousticFinding:
+def discounted(heard: AcousticFinding, left: Unexplained | None) -> AcousticFinding:
     """A finding of the axis: no surer than a weak one, where something without a name is left."""
     if left is None or kind_or_any(heard.mechanism).traits.of_the_recording:
         return heard
@@ -141,7 +141,9 @@ def _faults(courses: Sequence[Course]) -> list[AcousticFinding]:
     return [replace(f, p_values=tuple(0.0 if n in faults else 1.0 for faults in each)) for n, f in first.items()]
 
 
-def beside(named: Sequence[str], heard: Sequence[AcousticFinding], load_encoder: bool) -> tuple[AcousticFinding, ...]:
+def not_named_yet(
+    named: Sequence[str], heard: Sequence[AcousticFinding], load_encoder: bool
+) -> tuple[AcousticFinding, ...]:
     """What sound adds to mechanisms that telemetry has named: no name twice, and no gear fault against an encoder.
 
     With a load encoder telemetry shows damaged teeth and play below what can be heard; without one, sound may name

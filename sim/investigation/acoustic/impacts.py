@@ -113,7 +113,7 @@ def impacts(course: Course) -> Bump | None:
     return Bump(float(scores.max()), float(over[peaks[count - 1]]), times_s=times)
 
 
-def end_of_strokes(course: Course) -> Bump | None:
+def end_of_half_cycles(course: Course) -> Bump | None:
     """How much louder strokes end than they begin and go on, the middle of all; None where too few are heard."""
     low, teeth, motion = course.analysis.envelope(Band.LOW), _teeth_band(course.analysis), course.analysis.motion
     if low is None or teeth is None:

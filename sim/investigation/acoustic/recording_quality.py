@@ -1,17 +1,23 @@
-"""Faults of the recording itself: a signal cut at its extremes, samples that are missing, the hum of the mains."""
+"""Faults of the recording itself: a signal cut at its extremes, samples that are missing, the hum of the mains;
+and whether it belongs to the telemetry beside it."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
-from signals.analysis import ANALYSIS_RATE_HZ
+from signals.analysis import ANALYSIS_RATE_HZ, Analysis
+from signals.condition import UNKNOWN
+from signals.motion import HOP_HZ, SMOOTH_HOPS
 from signals.reading.live_channel import MAINS_HZ
+from signals.recording import Recording
 from signals.recording_quality.quality import FEWEST_STEPS, cut_samples, lost_stretches, steps
 from sim.chain.model import Array
 from sim.investigation.acoustic.evidence import FALSE_ALARM, AcousticFinding
 from sim.investigation.acoustic.operating_states import Course
+from sim.investigation.data.preprocessing import Measurement
 from sim.mechanisms import Clipping, ElectricalHum, LostSamples
 
 HUM_MULTIPLES = (1, 2, 3, 4, 6)  # of the mains, which supplies and transformers have
@@ -19,6 +25,9 @@ GRID_TOLERANCE = 0.003  # of the mains frequency: large grids keep 0.15 Hz but f
 STEADY, COMPANY_HZ = 0.8, 3.0  # share of a steady line in what stands over the noise so near; others have company
 LEAST_S = 2.0
 LEAST_CUT = 1e-4  # of the samples: chance leaves less at an extreme
+LEAST_STANDSTILLS = 3  # heard: a sound in which nothing is heard of a motion contradicts none
+LEAST_CORRELATION = 0.2  # correlation; of 75 pairs that belong together the least has 0.42
+SLOW = 0.05  # of the usual speed: below, no axis is quieter
 SURE = 0.97  # of a fault that is counted sample by sample
 
 
@@ -122,3 +131,30 @@ def _always_there(course: Course, values: Array, frequency_hz: float) -> bool:
         return True
     there, here = wave[~moving].mean(), wave[moving].mean()
     return bool(abs(there - here) < 0.5 * max(abs(there), abs(here)))
+
+
+def mismatch(sound: Recording, m: Measurement, offset_s: float) -> tuple[str, ...]:
+    """A remark where the loudness has standstills of its own and does not follow the measured speed.
+
+    The faster an axis moves, the louder it is.
+    """
+    analysis = Analysis(sound, UNKNOWN)
+    count = len(analysis.motion.reversal_times_s)
+    level = uniform_filter1d(analysis.loudness_db.astype(np.float64), SMOOTH_HOPS)
+    time = (np.arange(level.size) + 0.5) / HOP_HZ + offset_s
+    inside = (time >= m.time_s[0]) & (time <= m.time_s[-1])
+    if count < LEAST_STANDSTILLS or inside.mean() < 0.5:
+        return ()
+    level = np.maximum(level[inside], np.percentile(level, 2))
+    speed = np.abs(np.interp(time[inside], m.time_s, m.speed))
+    moved = np.log(speed + SLOW * max(float(np.percentile(speed, 90)), 1e-9))
+    if (
+        np.ptp(moved) == 0.0
+        or np.ptp(level) == 0.0
+        or (found := float(np.corrcoef(moved, level)[0, 1])) >= LEAST_CORRELATION
+    ):
+        return ()
+    return (
+        f"The sound does not follow the measured speed (correlation {found:.2f}, though {count} standstills are heard; "
+        "0.4 and more where both are of one motion): is the offset of the sound right, and are they of one motion?",
+    )

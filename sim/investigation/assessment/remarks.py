@@ -9,7 +9,6 @@ import numpy as np
 from sim.description.axis import Axis
 from sim.investigation.assessment.misfit import UNREACHED
 from sim.investigation.data.excitation import Excitation, lacking_at
-from sim.investigation.data.validation import DataCheck
 from sim.investigation.estimation.estimate import Fit
 from sim.investigation.estimation.problem import Problem
 from sim.investigation.hypotheses.identifiability import highest_order, passed_slowly, passing_hz, shown
@@ -20,10 +19,6 @@ from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Need
 
 SOLID = ("kg m2", "N m/rad")  # units of inertia and stiffness, in which no data sheet is far wrong
-NO_REFERENCE = (
-    "Without reference_position_rad the noise of the torque channel cannot be separated from torque, and weak effects "
-    "may hide in it: log it as well."
-)
 
 
 def misfit_remarks(fit: Fit, gained: Sequence[Gain]) -> tuple[str, ...]:
@@ -60,17 +55,6 @@ def description_remarks(problem: Problem, fit: Fit) -> tuple[str, ...]:
     return (
         f"The data contradict the description: {', '.join(wrong)}. Either these values are wrong there, or something "
         "is missing that is too weak to be named. Check these values first.",
-    )
-
-
-def controller_law_remarks(problem: Problem, gate: DataCheck) -> tuple[str, ...]:
-    """That the torque channel's own noise was taken away, if it was."""
-    if gate.law is None or not problem.measurement.unsure.size:
-        return ()
-    taken = float(np.std(gate.measurement.torque - problem.measurement.torque))
-    return (
-        "The drive's control law, found from reference and encoder, shows the noise of the torque channel; "
-        f"{taken:.2g} N m rms of noise were removed before the search.",
     )
 
 
@@ -142,7 +126,7 @@ def standstill_remarks(problem: Problem) -> tuple[str, ...]:
 
 def contact_loss_remarks(problem: Problem) -> tuple[str, ...]:
     """In how many rows teeth rattle, if in any."""
-    lost = 1.0 - float(problem.measurement.told.mean())
+    lost = 1.0 - float(problem.measurement.predictable.mean())
     if lost == 0.0:
         return ()
     return (

@@ -25,7 +25,7 @@ SPEED_BANDS = 8  # times as wide as a line: what is seen of when it is there
 SELDOM = 0.1  # of the time: what is only then says nothing
 
 
-def look(problem: Problem, fit: Fit) -> list[Unexplained]:
+def structure_of(problem: Problem, fit: Fit) -> list[Unexplained]:
     """All places, strongest first."""
     m = problem.measurement
     n = m.samples

@@ -25,15 +25,15 @@ from sim.investigation.hypotheses.hypothesis import Term
 from sim.investigation.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
 from sim.investigation.model.parameters import Values
 from sim.investigation.report.wording import explain
-from sim.investigation.results import SAID, Estimate, Finding, Gain
-from sim.investigation.search.effect_size import beyond
-from sim.investigation.search.own_noise import DECIDED, NAMES, in_own_noise, likelier, without
+from sim.investigation.results import REPORTED, Estimate, Finding, Gain
+from sim.investigation.search.effect_size import effect_size
 from sim.investigation.search.search import Selection
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms.catalogue import kind_of, kind_or_any
 from sim.mechanisms.mechanism import Law
 
 UNLIKELY = 0.4  # less likely than not
+NAMES = 40.0  # mechanisms and places among which one is looked for
 JOINTS = 6.0  # of an arm: each is another place at which a name is looked for
 SHOWN = 3.0  # standard deviations of friction, of which every axis has some
 AT_LOAD = 1.02  # times as much left on unseen rows
@@ -42,9 +42,9 @@ NOT_NOISE = 2.0  # the same, where something is left whatever its place: without
 MOST_STRAIN = 120.0  # squared deviations of what is described: a model that needs more is not adequate
 
 
-def terms_said(fit: Fit, findings: Sequence[Finding]) -> tuple[Term, ...]:
+def reported_terms(fit: Fit, findings: Sequence[Finding]) -> tuple[Term, ...]:
     """Terms that are said to be there."""
-    said = {(f.mechanism, f.location) for f in findings if f.probability >= SAID}
+    said = {(f.mechanism, f.location) for f in findings if f.probability >= REPORTED}
     return tuple(t for t in fit.terms if t.named and (t.mechanism, t.location) in said)
 
 
@@ -57,7 +57,7 @@ def refit_reported(selection: Selection, findings: Sequence[Finding]) -> tuple[t
     """
     found, fit = tuple(findings), selection.fit
     for _ in findings:
-        anew = _without(selection.problem, fit, [f for f in found if f.probability < SAID])
+        anew = _without(selection.problem, fit, [f for f in found if f.probability < REPORTED])
         if anew is fit:
             break
         fit = anew
@@ -94,12 +94,12 @@ def predicting(
     """
     problem, base = selection.problem, selection.base
     kept = tuple(findings)
-    gained = gains(problem, base, fit, terms_said(fit, kept))
-    while (said := terms_said(fit, kept)) and any(is_worse(g) for g in gained):
+    gained = gains(problem, base, fit, reported_terms(fit, kept))
+    while (said := reported_terms(fit, kept)) and any(is_worse(g) for g in gained):
         names = [(t.mechanism, t.location) for t in said]
         without = [tuple(f for f in kept if (f.mechanism, f.location) != name) for name in names]
         fits = [_without(problem, fit, [f for f in kept if (f.mechanism, f.location) == name]) for name in names]
-        tried = [gains(problem, base, f, terms_said(f, rest)) for f, rest in zip(fits, without, strict=True)]
+        tried = [gains(problem, base, f, reported_terms(f, rest)) for f, rest in zip(fits, without, strict=True)]
         best = min(range(len(said)), key=lambda k: left_over(tried[k]))
         if left_over(tried[best]) >= left_over(gained):
             break
@@ -167,15 +167,13 @@ def finding_of(selection: Selection, term: Term, values: Values | None = None) -
     }
     seen = Evidence(standing.share, others, (standing.shared + inadequacy(fit)) / standing.gain)
     sure = min(probability(seen), WEIGHTS.cap)
-    if term.key in selection.own_noise:
-        sure = min(sure, 1.0 / (1.0 + NAMES * math.exp(min(-selection.own_noise[term.key], 50.0))))
     new = not is_beyond_new(axis, term.mechanism, term.location, estimated)
     if m.doubts.size and not term.traits.in_every_axis:
         as_shaped = term_estimates(fit, term, m, numbers, term.shape)
         gain, usual = selection.gains.get(term.key, math.inf), usual_at_joint(selection.problem, term, fit)
         there = likelier_than_new(axis, term, as_shaped, gain, usual)
-        sure, new = min(sure, there), there < SAID
-    if new and term.traits.in_every_axis and beyond(term, fit) < SHOWN:
+        sure, new = min(sure, there), there < REPORTED
+    if new and term.traits.in_every_axis and effect_size(term, fit) < SHOWN:
         sure = min(sure, 1.0 / (1.0 + NAMES))  # every axis has some, and this record shows none
     if same or new or is_shaken_otherwise(term, fit.terms):
         sure = min(sure, ALONE)
@@ -196,7 +194,7 @@ def is_shaken_otherwise(term: Term, terms: Sequence[Term]) -> bool:
     return term.traits.shakes_load and any(t.location == "load" for t in unknown)
 
 
-def beside_what_is_left(
+def discount_if_residual(
     findings: Sequence[Finding], rest: Sequence[Unexplained], *, doubted: bool = False
 ) -> tuple[Finding, ...]:
     """Findings where something without a name is left: of a size that a new axis may have too, that is the likelier.
@@ -208,7 +206,7 @@ def beside_what_is_left(
     return tuple(replace(f, probability=min(f.probability, UNLIKELY)) if f.as_new_too else f for f in findings)
 
 
-def beside_doubts(findings: Sequence[Finding], *, doubted: bool) -> tuple[Finding, ...]:
+def drop_within_tolerance(findings: Sequence[Finding], *, doubted: bool) -> tuple[Finding, ...]:
     """Findings that say that something is missing: where the known torque is `doubted`, none of a size as new.
 
     That the known torque is wrong in one of its ways is likelier then, and by that nothing is missing.
@@ -278,26 +276,6 @@ def drop_unidentifiable(selection: Selection) -> Selection:
     kept = [t for t in selection.fit.terms if t not in gone]
     fit = selection.problem.fit(kept, selection.fit.values, held=selection.fit.sensitivities, to_end=True)
     return replace(selection, fit=fit, found=found)
-
-
-def under_own_noise(selection: Selection) -> Selection:
-    """With each name held against the model without it, under noise of its own; none where the known torque itself is
-    doubted, whose errors are no noise. What every axis has needs no such proof.
-
-    A refit under its own noise took three quarters of the log odds at most: it is made where they may decide.
-    """
-    problem, fit = selection.problem, selection.fit
-    if problem.measurement.doubts.size:
-        return selection
-    asked = [t for t in selection.found if not t.traits.in_every_axis]
-    fits = {t.key: less for t in asked if (less := without(problem, fit, t))}
-    odds = {key: likelier((problem, fit), (problem, less)) for key, less in fits.items()}
-    close = [key for key, value in odds.items() if value < DECIDED]
-    anew = in_own_noise(problem, fit) if close else (problem, fit)
-    for key in close:
-        plain = in_own_noise(problem, fits[key])
-        odds[key] = max(likelier(full, plain) for full in ((problem, fit), anew))
-    return replace(selection, own_noise=odds)
 
 
 def looks_like(problem: Problem, term: Term) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ KICK = 0.01  # of a step, by which all numbers are moved to see where
 MOST_BENT = 0.01  # noise deviations by which twice the kick may do other than twice as much: a step, one
 LEAST_BENT = 0.002  # the same where such a spell begins and ends
 FELT_S = 0.05  # on either side of a row, over which that is asked
-FEWEST_TOLD = 1.0 / 3.0  # of all rows; fewer say less than what is rough
+FEWEST_PREDICTABLE = 1.0 / 3.0  # of all rows; fewer say less than what is rough
 
 
 def linear_rows(kicked: Sequence[Array], rate_hz: float) -> Array:
@@ -26,4 +26,4 @@ def linear_rows(kicked: Sequence[Array], rate_hz: float) -> Array:
     spells, count = label(rough > LEAST_BENT**2)
     worst = maximum(rough, spells, np.arange(count + 1))
     smooth = (spells == 0) | (worst[spells] < MOST_BENT**2)
-    return np.asarray(smooth, dtype=np.float64) if smooth.mean() > FEWEST_TOLD else np.ones(smooth.size)
+    return np.asarray(smooth, dtype=np.float64) if smooth.mean() > FEWEST_PREDICTABLE else np.ones(smooth.size)

@@ -41,7 +41,7 @@ class Measurement:
     chain, nearly free of noise. `valid`, `load_valid`: 1 where a row can be trusted, else 0; `standstill`: share of
     the largest speed below which it does not count; `rests`: it counts at the motor, from the first motion on;
     `known_torque`: what the load is known to ask for besides [N m], None where nothing is known;
-    `told`: 1 where a model can tell what the motor's torque must have been, 0 where teeth rattle; `unsure`, shape
+    `predictable`: 1 where a model predicts the motor's torque, 0 where teeth rattle; `unsure`, shape
     (n, p): ways in which the torque may be wrong as a whole, each by a standard deviation [N m]; `doubts`: the same of
     the known torque, felt at the motor; `gear`: turns of the motor per turn of what it moves as one body.
     """
@@ -63,24 +63,15 @@ class Measurement:
     load_valid: Array
     standstill: float = STANDSTILL_SHARE
     rests: bool = False
-    told: Array = field(default_factory=lambda: np.ones(1))
-    unsure: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    predictable: Array = field(default_factory=lambda: np.ones(1))
     known_torque: Array | None = None
     doubts: Array = field(default_factory=lambda: np.zeros((0, 0)))
     gear: float = 1.0
 
     @cached_property
     def wrong_ways(self) -> Array:
-        """Ways in which torque or known torque may be wrong, shape (n, p), across rows that do not count [N m]."""
-        return self._across([column for each in (self.unsure, self.doubts) if each.size for column in each.T])
-
-    @cached_property
-    def known_wrong_ways(self) -> Array:
-        """The same of the known torque alone."""
-        return self._across(list(self.doubts.T) if self.doubts.size else [])
-
-    def _across(self, ways: list[Array]) -> Array:
-        return np.stack([self.across(w) for w in ways], axis=1) if ways else np.zeros((0, 0))
+        """Ways in which the known torque may be wrong, shape (n, p), across rows that do not count [N m]."""
+        return np.stack([self.across(w) for w in self.doubts.T], axis=1) if self.doubts.size else self.doubts
 
     @cached_property
     def moving(self) -> Array:
@@ -111,13 +102,13 @@ class Measurement:
 
     @cached_property
     def weight(self) -> Array:
-        """The same, and 0 where it cannot be trusted or told."""
-        return np.asarray(self.counts * self.valid * self.told)
+        """The same, and 0 where it cannot be trusted or predicted."""
+        return np.asarray(self.counts * self.valid * self.predictable)
 
     @cached_property
     def bridge(self) -> Bridge:
-        """Over rests that do not count, and rows of the motor torque that cannot be trusted or told."""
-        return Bridge.over(self.valid * self.told * self.awake < 0.5)
+        """Over rests that do not count, and rows of the motor torque that cannot be trusted or predicted."""
+        return Bridge.over(self.valid * self.predictable * self.awake < 0.5)
 
     def across(self, torque: Array) -> Array:
         """What of a torque counts, shape (n,): 0 where the motion turns back, lines over longer gaps."""

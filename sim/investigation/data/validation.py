@@ -1,4 +1,4 @@
-"""The gate before any physics: can these channels be what they claim, and which rows of them count?"""
+"""The check before any physics: can these channels be what they claim, and which rows of them count?"""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.investigation.data.channel_checks import check_channels
 from sim.investigation.data.clock import EvenRecord, evened
-from sim.investigation.data.controller_law import DriveLaw, drive_law
 from sim.investigation.data.data_fault import Fault, InvestigationError, TooLittleMotion
 from sim.investigation.data.plausibility import check_description, with_first_inertia
 from sim.investigation.data.preprocessing import (
@@ -38,14 +37,13 @@ LEAST_LOST = 5e-4  # of all rows: fewer are not named
 
 @dataclass(frozen=True)
 class DataCheck:
-    """Channels ready for the fit, faults found in them, what the drive's law says, remarks for the report.
+    """Channels ready for the fit, faults found in them, remarks for the report.
 
     `axis`: the description with a first value for each number that is `unknown` in it.
     """
 
     measurement: Measurement
     faults: tuple[Fault, ...]
-    law: DriveLaw | None
     remarks: tuple[str, ...]
     axis: Axis
     unknown: frozenset[str] = frozenset()
@@ -93,11 +91,7 @@ def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None, gear:
             "Without a load encoder a stiffness that hardens or holds back looks the same as friction at reversals: "
             "neither is looked for."
         )
-    law = None
-    if reference is not None:
-        course = bridged(reference, ~lost)
-        law = drive_law(measurement, rate, even["torque"], even["angle"], course)
-    return DataCheck(measurement, tuple(faults), law, tuple(remarks), axis, unknown)
+    return DataCheck(measurement, tuple(faults), tuple(remarks), axis, unknown)
 
 
 def _doubted(m: Measurement, times: Array, doubts: Array) -> Measurement:

@@ -18,7 +18,7 @@ def by_doubts(m: Measurement, noise: Noise, left: Array, unseen: NDArray[np.bool
     if not m.doubts.size:
         return np.zeros(m.samples)
     plain = replace(noise, ways=np.zeros((0, 0)), less=np.zeros(0))
-    rows = (*m.known_wrong_ways.T, m.across(left))
+    rows = (*m.wrong_ways.T, m.across(left))
     table = np.stack([plain.whiten(np.ascontiguousarray(row), np.zeros(0), m.awake) for row in rows], axis=1)
     if unseen is not None:
         table[unseen] = 0.0

@@ -366,10 +366,6 @@ class Problem:
         other.measurement = measurement
         return other
 
-    def down_to(self, standstill: float) -> Problem:
-        """The same with the rows that are faster than this share of the largest speed and no others."""
-        return self.measuring(replace(self.measurement, standstill=standstill, rests=False))
-
     def resting(self, fit: Fit) -> Problem:
         """The same with the rows at rest, where `fit` can say what friction holds there.
 
@@ -379,14 +375,14 @@ class Problem:
         rests = bool(self.axis.stages) and not self.has_contact_loss(fit.terms)
         return self.measuring(replace(self.measurement, rests=rests))
 
-    def told(self, terms: Sequence[Term], values: Mapping[str, float]) -> Problem:
+    def with_predictable_rows(self, terms: Sequence[Term], values: Mapping[str, float]) -> Problem:
         """The same without the rows whose torque this model cannot tell.
 
         Teeth that nothing presses together rattle in the play that is as new, and any change of a number changes all
         that they do from there on: what is left there says nothing, and no sensitivity is true. Play and dents that
         are there show in the same rows.
         """
-        other = self.with_all_told()
+        other = self.with_all_rows()
         if not self.axis.stages or self.has_contact_loss(terms):
             return other
         parameters = self.parameters(terms)
@@ -397,11 +393,11 @@ class Problem:
             for kick in (0.0, chatter.KICK, 2.0 * chatter.KICK)
         ]
         counts = chatter.linear_rows([left[:rows] for left in kicked], self.measurement.rate_hz)
-        return other.measuring(replace(other.measurement, told=counts))
+        return other.measuring(replace(other.measurement, predictable=counts))
 
-    def with_all_told(self) -> Problem:
+    def with_all_rows(self) -> Problem:
         """The same with the rows in which teeth rattle."""
-        return self.measuring(replace(self.measurement, told=np.ones(1)))
+        return self.measuring(replace(self.measurement, predictable=np.ones(1)))
 
     def remembering(self, memory: Memory) -> Problem:
         """The same for noise that is taken anew to remember otherwise."""

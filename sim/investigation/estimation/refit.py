@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from sim.investigation.data.controller_law import DriveLaw, quiet, told
 from sim.investigation.data.preprocessing import MOTION_CUT_HZ, gaussian_kernel
 from sim.investigation.estimation.doubts import by_doubts
 from sim.investigation.estimation.estimate import Array, Fit
@@ -20,7 +19,7 @@ MOTION_BAND_HZ = 40.0
 PLAIN_FITS = 2  # the second by what the first leaves of each channel
 FAR_BENT = 2.5  # standard deviations of what is known of a number
 LONGER = (10.0, 100.0)  # times the way of a contact: one and two of its deviations, up to a motor ahead of a gear
-TOLD = 0.5  # weight of a row that counts
+COUNTS = 0.5  # weight of a row that counts
 AT_REST = 1.3  # times the mean square in motion: what is more is not the noise of rows whose friction is known
 LEAST_STRETCH_RAD = 1.5e-4  # a micrometre and a half on a centimetre, three steps of an encoder of 17 bits
 
@@ -28,23 +27,14 @@ LEAST_STRETCH_RAD = 1.5e-4  # a micrometre and a half on a centimetre, three ste
 def calibrate(problem: Problem) -> tuple[Problem, Fit]:
     """Fit what the description has, whitened by what the description itself leaves, then by what the fit leaves."""
     described = problem.fit(iterations=0)
-    problem = problem.with_noise(problem.noise_of(described)).told((), described.values)
+    problem = problem.with_noise(problem.noise_of(described)).with_predictable_rows((), described.values)
     return multistart(*rewhiten(problem, problem.fit(held=described.sensitivities)))
-
-
-def quieted(problem: Problem, fit: Fit, law: DriveLaw) -> tuple[Problem, Fit]:
-    """Without the noise that the drive's law tells of the torque channel, as far as it is what `fit` leaves."""
-    m = problem.measurement
-    known = told(law, m, problem.raw_residuals(fit.terms, fit.values, weighted=False)[0])
-    if known is None:
-        return problem, fit
-    return multistart(*rewhiten(*rewhiten(problem.measuring(quiet(m, known)), fit)))
 
 
 def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Take the noise from the residual of `fit`, fit again."""
-    anew = problem.with_reestimated_noise(fit).told(fit.terms, fit.values)
-    same = (anew.measurement.told == problem.measurement.told).all()  # one may be a single 1 for all rows
+    anew = problem.with_reestimated_noise(fit).with_predictable_rows(fit.terms, fit.values)
+    same = (anew.measurement.predictable == problem.measurement.predictable).all()  # one may be a single 1 for all rows
     held = fit.sensitivities if same else {}  # those of rows that did not count are not known
     return anew, anew.fit(fit.terms, fit.values, held=held, to_end=True)
 
@@ -110,17 +100,17 @@ def noise_in_band(problem: Problem, fit: Fit) -> Noise:
 
 def _level(values: Array, weight: Array) -> float:
     """Deviation in the rows that count."""
-    counts = weight > TOLD
+    counts = weight > COUNTS
     return float(np.std(values[counts] if counts.any() else values))
 
 
 def all_rows(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """With those in which teeth rattle, where play and dents show."""
-    problem = problem.with_all_told().with_reestimated_noise(fit)
+    problem = problem.with_all_rows().with_reestimated_noise(fit)
     return problem, problem.fit(fit.terms, fit.values, to_end=True)
 
 
-def look_closely(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+def with_slow_noise(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Rows at rest, where they tell, and slow noise; what friction holds at rest is fitted before noise is taken.
 
     A contact that gives way by less than the motor's encoder sees, and holds on within a thousandth of the largest
@@ -143,7 +133,7 @@ def _left_at_rest(problem: Problem, fit: Fit) -> float:
     m = problem.measurement
     speed = np.abs(m.speed)
     slow = speed < m.standstill * float(speed.max())
-    square, used = fit.residual[: m.samples] ** 2, m.weight > TOLD
+    square, used = fit.residual[: m.samples] ** 2, m.weight > COUNTS
     at_rest, in_motion = square[used & slow], square[used & ~slow]
     return float(at_rest.mean() / in_motion.mean()) if at_rest.size and in_motion.size else 1.0
 
@@ -164,7 +154,7 @@ def final_fit(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     kernel = gaussian_kernel(MOTION_BAND_HZ, m.rate_hz, 0)
     torque = torque - m.across(by_doubts(m, problem.noise, torque))
     left = _level(np.asarray(np.convolve(torque, kernel, "same"), np.float64), m.weight)
-    noise = Noise(kernel / max(left, 1e-300), np.ones(1)).with_inflated_prior(m.known_wrong_ways, m.awake)
+    noise = Noise(kernel / max(left, 1e-300), np.ones(1)).with_inflated_prior(m.wrong_ways, m.awake)
     in_band = problem.with_noise(noise)
     return in_band, in_band.fit(terms, plain.values, held=plain.sensitivities)
 

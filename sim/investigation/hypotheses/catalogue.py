@@ -65,7 +65,7 @@ def torque_carried(axis: Axis, m: Measurement) -> float:
     return min(m.torque_rms, float(np.sqrt(np.mean(own**2))))
 
 
-def beyond_doubts(weight: Term, m: Measurement, ratio: float) -> Term:
+def shown_despite_doubts(weight: Term, m: Measurement, ratio: float) -> Term:
     """A weight matters where it is more than what the masses of a described body may be off by, as felt at the load."""
     doubted = math.sqrt(float(np.mean(np.sum(m.doubts**2, axis=1)))) * ratio if m.doubts.size else 0.0
     return replace(weight, size=max(weight.size, doubted))
@@ -101,12 +101,14 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
         fastest = highest_order(excited)
         out += [term for k in range(len(stages_of(axis))) for term in kinematic_terms(axis, k, level, fastest)]
         if travel / axis.ratio > LEAST_TURN:
-            out.append(beyond_doubts(gravity(0.05 * level * axis.ratio, len(stages_of(axis))), measurement, axis.ratio))
+            out.append(
+                shown_despite_doubts(gravity(0.05 * level * axis.ratio, len(stages_of(axis))), measurement, axis.ratio)
+            )
         if measurement.load_angle is not None:
             out.append(encoder_error(axis))
             out.append(delay("load_delay_s", "load", max(4e-4, half)))
             out.append(resonance(axis))
     elif travel / measurement.gear > LEAST_TURN:
-        out.append(beyond_doubts(weight(0.05 * level * measurement.gear), measurement, measurement.gear))
+        out.append(shown_despite_doubts(weight(0.05 * level * measurement.gear), measurement, measurement.gear))
     known = (term for term in out if term.mechanism in mechanisms.MECHANISMS)
     return (*known, *terms_of_catalogue(axis, measurement))

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from sim.description.axis import Axis
 from sim.investigation.estimation.problem import MISTAKEN
-from sim.investigation.kinematics.transmission_error import Amplitude, is_beyond
+from sim.investigation.kinematics.transmission_error import Amplitude, is_larger_than
 from sim.investigation.model.nominal import STATED_SPREAD
-from sim.investigation.search.criterion import BEYOND
+from sim.investigation.search.criterion import LEAST_EFFECT
 from sim.mechanisms import Backlash, Hysteresis, TimeDelay
 from sim.mechanisms.catalogue import mechanism_of
 from sim.mechanisms.locations import meshes
@@ -51,12 +51,12 @@ class AsNew:
 
     def has_less(self, lost: Amplitude) -> bool:
         """Whether lost motion is more than as new, by its best value also than what friction winds up besides."""
-        most = max(self.gap, self.found) + self.windup * (1.0 + BEYOND * SPREAD)
-        return is_beyond(lost, self._limit, 1) and lost.value > most
+        most = max(self.gap, self.found) + self.windup * (1.0 + LEAST_EFFECT * SPREAD)
+        return is_larger_than(lost, self._limit, 1) and lost.value > most
 
     def surely_has_less(self, lost: Amplitude) -> bool:
         """The same, were friction and stiffness off by as much as makes a number of a data sheet wrong."""
-        return is_beyond(lost, self._limit + self.most_windup, 1)
+        return is_larger_than(lost, self._limit + self.most_windup, 1)
 
     @property
     def most_windup(self) -> float:
@@ -74,7 +74,7 @@ class AsNew:
 
     def is_exceeded(self, size: Amplitude) -> bool:
         """Whether an error that repeats with the angle is clearly more than as new."""
-        return is_beyond(size, CLEARLY * self.error, 2)
+        return is_larger_than(size, CLEARLY * self.error, 2)
 
 
 def place_of_gap(axis: Axis) -> str | None:

@@ -21,18 +21,18 @@ from sim.investigation.data.validation import InvestigationError, check_clock, r
 from sim.investigation.extended_axis import extended_by
 from sim.investigation.hypotheses.identifiability import ALONE
 from sim.investigation.kinematics.as_new import AsNew, like_a_gap, place_of_gap
-from sim.investigation.kinematics.curves import course, over_the_angle
 from sim.investigation.kinematics.motion_findings import (
+    columns_of,
     findings_in_motion,
     gain_in_motion,
     nameless_in_motion,
     remarks_on_motion,
 )
 from sim.investigation.kinematics.pull_test import STEPS, PullTest, pull_test
-from sim.investigation.kinematics.transmission_error import INSIDE, Amplitude, transmission_error
+from sim.investigation.kinematics.transmission_error import INSIDE, Amplitude, TransmissionError, transmission_error
 from sim.investigation.report.formatting import angle, number
 from sim.investigation.report.panels import Panel
-from sim.investigation.results import SAID, Estimate, Finding, Gain
+from sim.investigation.results import REPORTED, Estimate, Finding, Gain
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms import Backlash
 from sim.mechanisms.catalogue import kind_of
@@ -42,6 +42,8 @@ Array = NDArray[np.float64]
 ABOUT = 0.1  # of a way, by which lost motion at its ends may shorten it
 FOLLOWS = 0.99  # correlation of two angles of the same motion
 SLOWEST_HZ = 2.0  # of a load that is held or comes to rest for a second and more
+SHOWN = 120  # points over the angle
+SHOWN_ROWS = 2000
 NEXT = (
     "Log the motor torque as well (motor_torque_nm; a current will do with its torque constant) and repeat the motion "
     "in both directions at several speeds: backlash, and friction that winds the gear up, differ in the torque at a "
@@ -220,6 +222,35 @@ def _extended(axis: Axis, findings: Sequence[Finding]) -> Axis:
     for finding in findings:
         numbers = {e.name: e.value for e in finding.parameters}
         largest = {p.name: p.high for p in kind_of(finding.mechanism).parameters}
-        if finding.location and finding.probability >= SAID and all(numbers[n] <= largest[n] for n in numbers):
+        if finding.location and finding.probability >= REPORTED and all(numbers[n] <= largest[n] for n in numbers):
             found[finding.mechanism, finding.location] = numbers
     return extended_by(axis, {}, found)
+
+
+def over_the_angle(seen: TransmissionError, findings: Sequence[Finding]) -> Panel:
+    """Means over the angle, forth and back, with the model of what was found."""
+    around = seen.angle % (2.0 * math.pi) if seen.whole else seen.angle
+    low, high = float(around.min()), float(around.max())
+    cell = np.minimum(((around - low) / (high - low) * SHOWN).astype(np.int64), SHOWN - 1)
+    model = seen.error - seen.left_by(seen.fitted(columns_of(seen, findings)))
+    lines = []
+    for way, name in ((1.0, "forth"), (-1.0, "back")):
+        rows = seen.direction == way
+        if rows.any():
+            lines.append((f"measured, {name}", _means(cell[rows], seen.error[rows])))
+            lines.append((f"with what was found, {name}", _means(cell[rows], model[rows])))
+    x = low + (np.arange(SHOWN) + 0.5) / SHOWN * (high - low)
+    title = "Motor over ratio, less load"
+    return Panel(title, "angle of the load [rad]", "difference [rad]", "load angle", x, tuple(lines))
+
+
+def _means(cell: NDArray[np.int64], values: Array) -> Array:
+    count = np.bincount(cell, minlength=SHOWN)
+    return np.where(count > 0, np.bincount(cell, values, SHOWN) / np.maximum(count, 1), np.nan)
+
+
+def course(time_s: Array, driven: Array, load: Array) -> Panel:
+    """Angles over time, shape (n,)."""
+    every = max(1, time_s.size // SHOWN_ROWS)
+    lines = (("motor, at the load", driven[::every]), ("load", load[::every]))
+    return Panel("Load pulled while the motor holds", "time [s]", "angle [rad]", "time", time_s[::every], lines)

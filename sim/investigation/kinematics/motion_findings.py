@@ -21,11 +21,11 @@ from sim.investigation.kinematics.transmission_error import (
     SLOPE,
     TransmissionError,
     cosine,
-    is_beyond,
+    is_larger_than,
     sine,
 )
 from sim.investigation.report.formatting import angle, number
-from sim.investigation.results import SAID, Estimate, Finding, Gain
+from sim.investigation.results import REPORTED, Estimate, Finding, Gain
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms import Backlash, Eccentricity, EncoderError, MeshError
 from sim.mechanisms.mechanism import Need
@@ -130,7 +130,7 @@ def columns_of(seen: TransmissionError, findings: Sequence[Finding]) -> tuple[st
 
 def gain_in_motion(seen: TransmissionError, findings: Sequence[Finding]) -> Gain:
     """What is left of unseen rows without and with what was said."""
-    before, after = _left(seen, ()), _left(seen, [f for f in findings if f.probability >= SAID])
+    before, after = _left(seen, ()), _left(seen, [f for f in findings if f.probability >= REPORTED])
     size = before.size // BLOCKS
     drop = (before**2 - after**2)[: BLOCKS * size].reshape(BLOCKS, size).mean(axis=1)
     significant = bool(drop.mean() > 2.0 * drop.std(ddof=1) / math.sqrt(BLOCKS))
@@ -176,7 +176,7 @@ def _clear(seen: TransmissionError, name: str) -> float | None:
     if name not in seen.columns:
         return None
     size = seen.fit.amplitude((name,))
-    return size.value if is_beyond(size, 0.0, 1) or is_beyond(-size, 0.0, 1) else None
+    return size.value if is_larger_than(size, 0.0, 1) or is_larger_than(-size, 0.0, 1) else None
 
 
 def _left(seen: TransmissionError, findings: Sequence[Finding]) -> Array:

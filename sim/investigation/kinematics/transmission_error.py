@@ -160,7 +160,7 @@ class Fit:
         return Amplitude(value, error, value - reach, value + reach)
 
 
-def is_beyond(size: Amplitude, limit: float, parts: int) -> bool:
+def is_larger_than(size: Amplitude, limit: float, parts: int) -> bool:
     """Whether noise alone makes a size so far beyond `limit` less often than `CHANCE`; `parts`: 2 of a sine, else 1."""
     squares = float(f_distribution.isf(CHANCE if parts > 1 else 2.0 * CHANCE, parts, BLOCKS - 1))
     return size.value - limit > math.sqrt(parts * squares) * size.error

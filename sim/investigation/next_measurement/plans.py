@@ -22,7 +22,7 @@ SLOW = 1.0 / 3.0
 FASTER = 1.2  # times as fast: less is the same motion
 SHORT = 1.0 / 8.0  # of the travel
 ROOM = 1.2  # times the present travel: less is no larger angle
-NEARLY_A_TURN = 0.95
+WHOLE_TURN = 0.95
 RAMPS_S = (0.1, 0.6)  # within which speeds are reached, by the largest acceleration of the present motion
 
 
@@ -68,7 +68,7 @@ class Present:
 
     @property
     def one_way(self) -> bool:
-        return abs(float(self.angle[-1] - self.angle[0])) > NEARLY_A_TURN * self.travel
+        return abs(float(self.angle[-1] - self.angle[0])) > WHOLE_TURN * self.travel
 
     def moves(self, angle: Array) -> bool:
         """Whether a motion has any row that would count: one that begins with a rest may end before it moves."""
@@ -78,7 +78,7 @@ class Present:
     @property
     def can_turn(self) -> bool:
         """Whether more than what has been seen of a turn of the load is left to see."""
-        return bool(self.axis.stages) and self.travel / self.axis.ratio < NEARLY_A_TURN * 2.0 * math.pi
+        return bool(self.axis.stages) and self.travel / self.axis.ratio < WHOLE_TURN * 2.0 * math.pi
 
 
 Motion = Callable[[Present], Array | None]  # angle of the motor [rad] over its rows; None: not on this axis
@@ -154,7 +154,7 @@ def full_turn(present: Present) -> Array | None:
     return _moved(present, speed * _to_and_fro(present.rows, half * present.rate_hz), middle - 0.5 * speed * half)
 
 
-def short_strokes(present: Present) -> Array:
+def short_half_cycles(present: Present) -> Array:
     """To and fro over a part of the travel, as fast as the ramps of the present motion let it."""
     period_s = max(4.0 * present.ramp_s, math.pi * SHORT * present.travel / present.top)
     wave = 1.0 - np.cos(2.0 * math.pi * np.arange(present.rows) / (period_s * present.rate_hz))
@@ -192,7 +192,7 @@ PLANS = (
         even_speeds,
     ),
     Plan("Turn the load slowly, at {speed}, through {travel} and back, as far as it is free to", 1.5, full_turn),
-    Plan("Move the load to and fro in short strokes of {travel} without a rest", 1.2, short_strokes),
+    Plan("Move the load to and fro in short strokes of {travel} without a rest", 1.2, short_half_cycles),
     Plan("Repeat the same motion with half as much load again, on the axis of rotation", 3.0, repeated, payload=1.5),
     Plan("Add an encoder at the load and repeat the same motion", 5.0, repeated, load_encoder=True),
 )  # fmt: skip

@@ -25,18 +25,18 @@ from typing import TypeVar
 from sim.description.axis import Axis
 from sim.errors import SimulationError
 from sim.investigation.assessment.intervals import NO_SIZE
-from sim.investigation.assessment.residual_structure import look
+from sim.investigation.assessment.residual_structure import structure_of
 from sim.investigation.assessment.verdict import is_beyond_new
 from sim.investigation.data.pairing import distinct
 from sim.investigation.data.validation import InvestigationError, examine
 from sim.investigation.hypotheses.identifiability import ALONE
-from sim.investigation.investigate import Progress, advised, investigate
+from sim.investigation.investigate import Progress, investigate, with_action
 from sim.investigation.next_measurement.advice import in_words
 from sim.investigation.pooling.log_odds import Name, against, existence, logistic
 from sim.investigation.pooling.pooled_estimates import (
     ANGLES,
+    NamedRecording,
     Part,
-    Taken,
     calibrated,
     denied,
     extension,
@@ -58,7 +58,7 @@ from sim.investigation.pooling.recording_evidence import (
 from sim.investigation.report.formatting import named as in_full
 from sim.investigation.report.maintenance_actions import SURE
 from sim.investigation.report.wording import explain, next_measurement
-from sim.investigation.results import SAID, Estimate, Finding, Investigation, MeasurementUtility
+from sim.investigation.results import REPORTED, Estimate, Finding, Investigation, MeasurementUtility
 from sim.investigation.unexplained import Unexplained
 
 Done = TypeVar("Done")
@@ -77,13 +77,13 @@ class Together:
     def document(self) -> dict[str, object]:
         """JSON of the contract, with `recordings`, and the recording beside each gain."""
         document = self.combined.document()
-        whose = [part.taken.name for part in self.parts for _ in part.gain]
+        whose = [part.recording.name for part in self.parts for _ in part.gain]
         gained: list[dict[str, object]] = document["gain"]  # type: ignore[assignment]
         found: list[dict[str, object]] = document["findings"]  # type: ignore[assignment]
         document["gain"] = [{**one, "recording": name} for one, name in zip(gained, whose, strict=True)]
         document["findings"] = [{**one, "shown_by": list(names)} for one, names in zip(found, self.shown, strict=True)]
         document["recordings"] = [
-            {"name": part.taken.name, "sound": part.taken.sound_name, **_without_axis(part.result.document())}
+            {"name": part.recording.name, "sound": part.recording.sound_name, **_without_axis(part.result.document())}
             for part in self.parts
         ]
         return document
@@ -95,7 +95,7 @@ def _without_axis(document: Mapping[str, object]) -> dict[str, object]:
 
 def investigate_together(
     axis: Axis,
-    recordings: Sequence[Taken],
+    recordings: Sequence[NamedRecording],
     progress: Progress = lambda stage, share: None,
     sound_offset_s: float = 0.0,
 ) -> Together:
@@ -132,7 +132,7 @@ def _named(name: str, work: Callable[[], Done]) -> Done:
         raise InvestigationError(f"{name}: {error}") from error
 
 
-def _refuse_twice(recordings: Sequence[Taken]) -> None:
+def _refuse_twice(recordings: Sequence[NamedRecording]) -> None:
     """The same measured values twice are no second evidence."""
     for place, one in enumerate(recordings):
         for other in recordings[:place]:
@@ -145,7 +145,7 @@ def _refuse_twice(recordings: Sequence[Taken]) -> None:
 
 
 def _combined(
-    axis: Axis, recordings: Sequence[Taken], results: Sequence[Investigation], progress: Progress
+    axis: Axis, recordings: Sequence[NamedRecording], results: Sequence[Investigation], progress: Progress
 ) -> Together:
     named = weighed(results)
     said, parts = _under_one_model(recordings, results, named, progress)
@@ -159,7 +159,7 @@ def _combined(
     said = [name for name in said if not is_own(name)]
     known = {name: sizes(parts, name, one.sayings) for name, one in named.items()}
     numbers = {name: pooled_sizes(name, by_recording) for name, by_recording in known.items()}
-    told = [(name, advised(axis, _finding(results, name, one, numbers[name]))) for name, one in named.items()]
+    told = [(name, with_action(axis, _finding(results, name, one, numbers[name]))) for name, one in named.items()]
     told = sorted([*told, *own.items()], key=lambda one: -one[1].probability)
     findings = tuple(finding for _, finding in told)
     real = any(existence(one.sayings) > 0.0 for one in named.values())
@@ -179,10 +179,13 @@ def _combined(
 
 
 def _under_one_model(
-    recordings: Sequence[Taken], results: Sequence[Investigation], named: Mapping[Name, Weighed], progress: Progress
+    recordings: Sequence[NamedRecording],
+    results: Sequence[Investigation],
+    named: Mapping[Name, Weighed],
+    progress: Progress,
 ) -> tuple[list[Name], list[Part]]:
     """Names of telemetry that are said, and each recording under them."""
-    said = [name for name, one in named.items() if one.probability >= SAID and found_at(results, name) is not None]
+    said = [name for name, one in named.items() if one.probability >= REPORTED and found_at(results, name) is not None]
     parts = []
     for place, (taken, result) in enumerate(zip(recordings, results, strict=True)):
         progress(f"recording {place + 1} of {len(results)}: numbers under one model", 0.9 + 0.07 * place / len(results))
@@ -191,7 +194,7 @@ def _under_one_model(
 
 
 def open_to(
-    recordings: Sequence[Taken],
+    recordings: Sequence[NamedRecording],
     results: Sequence[Investigation],
     findings: Sequence[Finding],
     named: Mapping[Name, Weighed],
@@ -207,7 +210,7 @@ def open_to(
         for rival, odds in against(one.sayings).items()
         if logistic(odds) >= SURE
     }
-    said = [f for f in findings if f.probability >= SAID] or findings
+    said = [f for f in findings if f.probability >= REPORTED] or findings
     for finding in sorted(said, key=lambda f: f.probability):
         if finding.probability >= SURE and not finding.indistinguishable_from:
             continue
@@ -230,15 +233,15 @@ def open_to(
 def _verdict(parts: Sequence[Part], findings: Sequence[Finding], real: bool) -> tuple[str, list[Unexplained]]:
     """As of one recording; what is left in any of them is left. `real`: some effect is there, whatever its name."""
     rest = [part.unexplained for part in parts if part.unexplained]
-    named = any(finding.probability >= SAID for finding in findings)
+    named = any(finding.probability >= REPORTED for finding in findings)
     if real and not named and not rest:
-        rest = [place for part in parts for place in look(part.problem, part.fit)[:1]]
+        rest = [place for part in parts for place in structure_of(part.problem, part.fit)[:1]]
     rest.sort(key=lambda u: -u.score)
     return "named" if named else "unnamed" if rest else "nothing_missing", rest
 
 
 def _showing(parts: Sequence[Part], name: Name) -> tuple[str, ...]:
-    return tuple(part.taken.name for part in parts if shows(part.result, name))
+    return tuple(part.recording.name for part in parts if shows(part.result, name))
 
 
 def _own(parts: Sequence[Part], weighed: Iterable[Name]) -> dict[Name, Finding]:
@@ -279,19 +282,23 @@ def _remarks(
     for name, one in named.items():
         showing = _showing(parts, name)
         who = zip(parts, one.sayings, strict=True)
-        other = [part.taken.name for part, saying in who if saying.exists < AGAINST and part.taken.name not in showing]
+        other = [
+            part.recording.name
+            for part, saying in who
+            if saying.exists < AGAINST and part.recording.name not in showing
+        ]
         line = f"{name}: {len(showing)} of {len(parts)} recordings show it"
         out.append(": ".join([line, ", ".join(showing)]) if showing else line)
         out[-1] += f"; against it: {', '.join(other)} (unless the axis has changed in between)." if other else "."
         out += changed(str(name), known[name])
-    unnamed = [part.taken.name for part in parts if part.unexplained]
+    unnamed = [part.recording.name for part in parts if part.unexplained]
     if unnamed:
         out.append(
             f"Something that has no name is left in {len(unnamed)} of {len(parts)} recordings: {', '.join(unnamed)}."
         )
     common = dict.fromkeys(remark for part in parts for remark in part.result.remarks)
     for remark in common:
-        whose = [part.taken.name for part in parts if remark in part.result.remarks]
+        whose = [part.recording.name for part in parts if remark in part.result.remarks]
         out.append(remark if len(whose) == len(parts) else f"{', '.join(whose)}: {remark}")
     return tuple(out)
 

@@ -17,7 +17,7 @@ from sim.investigation.assessment.intervals import (
     inflation,
     term_estimates,
 )
-from sim.investigation.assessment.residual_structure import look
+from sim.investigation.assessment.residual_structure import structure_of
 from sim.investigation.assessment.verdict import AT_LOAD, left
 from sim.investigation.estimation.estimate import Fit
 from sim.investigation.estimation.problem import Problem
@@ -36,7 +36,7 @@ ANGLES = ("angle_rad", "phase_rad", "second_phase_rad")
 
 
 @dataclass(frozen=True)
-class Taken:
+class NamedRecording:
     """One recording of the axis, and what it is called; `sound` starts with the telemetry."""
 
     name: str
@@ -49,7 +49,7 @@ class Taken:
 class Part:
     """A recording and what it says by itself; `problem` and `fit` under the mechanisms that all of them share."""
 
-    taken: Taken
+    recording: NamedRecording
     result: Investigation
     problem: Problem
     fit: Fit
@@ -58,7 +58,7 @@ class Part:
 
 
 def under_one_model(
-    taken: Taken, result: Investigation, results: Sequence[Investigation], said: Sequence[Name]
+    recording: NamedRecording, result: Investigation, results: Sequence[Investigation], said: Sequence[Name]
 ) -> Part:
     """A recording under the mechanisms `said` and what it has of its own; refitted where it had others,
     as it was where unseen rows are predicted worse by that.
@@ -81,23 +81,23 @@ def under_one_model(
         if (t.named or t.mechanism == AS_NEW or _curve(t) in common) and term_name(t, values) not in wrong
     ]
     if not lacking and len(kept) == len(weighed.fit.terms):
-        return Part(taken, result, selection.problem, selection.fit, result.unexplained, result.gain)
+        return Part(recording, result, selection.problem, selection.fit, result.unexplained, result.gain)
     start = {**values, **{p.name: fit.values[p.name] for term, fit in lacking for p in term.parameters}}
     problem, fit = weighed.problem, weighed.fit
-    if any(term.contact for term, _ in lacking) and not problem.measurement.told.all():
+    if any(term.contact for term, _ in lacking) and not problem.measurement.predictable.all():
         problem, fit = all_rows(problem, fit)
     anew = problem.best((*kept, *(term for term, _ in lacking)), [(start, fit.sensitivities)])
     if anew is None:
-        return Part(taken, result, selection.problem, selection.fit, result.unexplained, result.gain)
+        return Part(recording, result, selection.problem, selection.fit, result.unexplained, result.gain)
     base = problem.fit((), weighed.base.values, held=weighed.base.sensitivities if problem is weighed.problem else {})
-    rest = left(look(problem, anew), anew) if lacking else [result.unexplained] if result.unexplained else []
+    rest = left(structure_of(problem, anew), anew) if lacking else [result.unexplained] if result.unexplained else []
     _, base = final_fit(problem, base)
     problem, fit = final_fit(problem, anew)
     terms = tuple(t for t in fit.terms if t.named and term_name(t, fit.values) in said)
     gained = gains(problem, base, fit, terms)
     if any(g.rms_after > AT_LOAD * g.rms_before for g in gained):  # by more than chance
-        return Part(taken, result, selection.problem, selection.fit, result.unexplained, result.gain)
-    return Part(taken, result, problem, fit, rest[0] if rest else None, gained)
+        return Part(recording, result, selection.problem, selection.fit, result.unexplained, result.gain)
+    return Part(recording, result, problem, fit, rest[0] if rest else None, gained)
 
 
 def denied(parts: Sequence[Part], said: Sequence[Name]) -> set[tuple[Name, int]]:
@@ -136,11 +136,11 @@ def sizes(parts: Sequence[Part], name: Name, sayings: Sequence[LogOdds]) -> dict
         terms = [t for t in part.fit.terms if t.named and term_name(t, part.fit.values) == name]
         finding = finding_named(part.result, name)
         if terms and (finding is not None or saying.exists > 0.0):
-            out[part.taken.name] = term_estimates(
+            out[part.recording.name] = term_estimates(
                 part.fit, terms[0], part.problem.measurement, terms[0].report(part.fit.values)
             )
         elif finding is not None:
-            out[part.taken.name] = finding.parameters
+            out[part.recording.name] = finding.parameters
     return out
 
 
@@ -206,7 +206,7 @@ def _split(parts: Sequence[Part], mechanism: str, sizes: Mapping[str, Sequence[E
     out: dict[str, float] = {}
     weight = {name: (max(e[0].high - e[0].low, 1e-300)) ** -2.0 for name, e in sizes.items()}
     for part in parts:
-        share = weight.get(part.taken.name, 0.0) / sum(weight.values())
+        share = weight.get(part.recording.name, 0.0) / sum(weight.values())
         for name in (p.name for t in part.fit.terms if t.mechanism == mechanism for p in t.parameters):
             if share:
                 out[name] = out.get(name, 0.0) + share * part.fit.values[name]

@@ -29,7 +29,7 @@ from sim.investigation.pooling.log_odds import (
     probability,
     silent,
 )
-from sim.investigation.results import SAID, Finding, Investigation
+from sim.investigation.results import REPORTED, Finding, Investigation
 from sim.investigation.search.comparison import ModelComparison
 from sim.investigation.search.criterion import TEMPERATURE
 from sim.mechanisms.catalogue import kind_or_any
@@ -60,7 +60,7 @@ def finding_named(result: Investigation, name: Name) -> Finding | None:
 
 def shows(result: Investigation, name: Name) -> bool:
     finding = finding_named(result, name)
-    return finding is not None and finding.probability >= SAID
+    return finding is not None and finding.probability >= REPORTED
 
 
 def _standings(result: Investigation) -> dict[Name, ModelComparison]:
@@ -127,7 +127,7 @@ def weighed(results: Sequence[Investigation], denied: Collection[tuple[Name, int
 def the_same_together(results: Sequence[Investigation], name: Name) -> tuple[set[str], set[str]]:
     """What looks the same as a mechanism in any of the recordings that name it, and what does in all of them together:
     what is told by the motion of others would not be of one size there."""
-    ms = [r.gate.measurement for r in results if r.gate is not None and finding_named(r, name)]
+    ms = [r.data_check.measurement for r in results if r.data_check is not None and finding_named(r, name)]
     if not ms:
         return set(), set()
     each = {other for m in ms for other in the_same(name.mechanism, lacking(m))}
@@ -197,7 +197,7 @@ def _asked(result: Investigation, term: Term, fit: Fit) -> float:
     if selection is None:
         return 0.0
     problem, own = selection.problem, selection.fit
-    if term.contact and not problem.measurement.told.all():
+    if term.contact and not problem.measurement.predictable.all():
         problem, own = all_rows(problem, own)
     name = term_name(term, fit.values)
     rest = tuple(t for t in own.terms if term_name(t, own.values) != name)

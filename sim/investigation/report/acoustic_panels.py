@@ -11,7 +11,7 @@ from signals.band import Band
 from signals.motion import HOP_HZ, loudness_db
 from sim.chain.model import Array
 from sim.investigation.acoustic.baseline_comparison import USUAL_DB, growth_curves
-from sim.investigation.acoustic.evidence import Listening
+from sim.investigation.acoustic.evidence import AcousticResult
 from sim.investigation.acoustic.impacts import impacts, over_around
 from sim.investigation.acoustic.operating_states import Course, course_of
 from sim.investigation.acoustic.spectral_lines import TRANSFORM, gamma_limit, mesh_orders
@@ -28,7 +28,7 @@ SHOWN_ORDER = 32.0
 REACHED = "what noise reaches"
 
 
-def sound_panels(listened: Listening) -> tuple[list[Panel], list[Panel]]:
+def sound_panels(listened: AcousticResult) -> tuple[list[Panel], list[Panel]]:
     """Panels of what was heard and of where it was looked for faults, of the first recording."""
     course = listened.courses[0]
     overlay = [_loudness(course)]
@@ -49,7 +49,7 @@ def sound_panels(listened: Listening) -> tuple[list[Panel], list[Panel]]:
     ]
 
 
-def sound_candidates(listened: Listening) -> list[tuple[str, str]]:
+def sound_candidates(listened: AcousticResult) -> list[tuple[str, str]]:
     """What was weighed and not named, and why."""
     weighed = ((name, kind_of(name).sound) for name, _ in listened.rejected)
     return [(name, sound.rejected) for name, sound in weighed if sound]
@@ -57,10 +57,10 @@ def sound_candidates(listened: Listening) -> list[tuple[str, str]]:
 
 def along_path(result: Investigation) -> list[Panel]:
     """The envelope of a sound beside telemetry over the path of the motor, where bearings show; with its findings."""
-    if result.gate is None or not result.sounds:
+    if result.data_check is None or not result.sounds:
         return []
     axis = result.axis
-    heard = course_of(axis, result.sounds[0], result.gate.measurement, result.sound_offset_s).orders
+    heard = course_of(axis, result.sounds[0], result.data_check.measurement, result.sound_offset_s).orders
     if heard is None:
         return []
     shown = heard.orders < SHOWN_ORDER
@@ -124,7 +124,7 @@ def _lines(course: Course) -> Panel:
     )
 
 
-def _growth(listened: Listening) -> list[Panel]:
+def _growth(listened: AcousticResult) -> list[Panel]:
     """Where the first recording is louder than as new, with what was found; none where nothing was compared."""
     frequency, lines = growth_curves(listened.courses[0], listened.as_new)
     if not lines:

@@ -24,7 +24,7 @@ from sim.investigation.report.formatting import (
     words_of,
 )
 from sim.investigation.report.maintenance_actions import action, of_the_measurement, place_of
-from sim.investigation.results import SAID
+from sim.investigation.results import REPORTED
 from sim.investigation.unexplained import Unexplained, unexplained_of
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.catalogue import is_in_every_axis, kind_or_any
@@ -119,14 +119,14 @@ def box_of(document: Document, axis: Axis | None) -> list[Entry]:
 def _rank(finding: Document) -> tuple[bool, bool, bool]:
     """What is only suspected comes last, and what every axis has is no fault."""
     kind = kind_or_any(finding["mechanism"])
-    return finding["probability"] < SAID, kind.traits.in_every_axis, of_the_measurement(finding["mechanism"])
+    return finding["probability"] < REPORTED, kind.traits.in_every_axis, of_the_measurement(finding["mechanism"])
 
 
 def _found(finding: Document, axis: Axis | None, next_measurement: str) -> Entry:
     mechanism, location, probability = finding["mechanism"], finding["location"], float(finding["probability"])
     numbers = {one["name"]: float(one["value"]) for one in finding["parameters"] if is_number(one["value"])}
     first = finding.get("action") or (action(axis, mechanism, location, numbers, probability) if axis else "")
-    name = named(mechanism) if probability >= SAID else f"suspected: {named(mechanism)}"
+    name = named(mechanism) if probability >= REPORTED else f"suspected: {named(mechanism)}"
     return Entry(
         title=f"{name[:1].upper()}{name[1:]}",
         what=f"{finding['explanation'].removesuffix(first).strip()} {_kind(mechanism)}".strip(),
@@ -224,7 +224,7 @@ def _unnamed(document: Document) -> Entry:
 
 
 def _nothing(document: Document) -> Entry:
-    suspected = any(finding["probability"] < SAID for finding in document["findings"])
+    suspected = any(finding["probability"] < REPORTED for finding in document["findings"])
     return Entry(
         title="Nothing found",
         what="Nothing that was examined differs from the description by more than these data leave open.",
@@ -242,7 +242,7 @@ def box_of_robot(document: Mapping[str, Any]) -> list[Entry]:
     found = document["findings"]
     places = [k for k, one in enumerate(found) if not is_in_every_axis(one["mechanism"])]
     beyond = [found[k] for k in places]
-    usual = [one for one in found if is_in_every_axis(one["mechanism"]) and one["probability"] >= SAID]
+    usual = [one for one in found if is_in_every_axis(one["mechanism"]) and one["probability"] >= REPORTED]
     only_friction = usual and not beyond and document["verdict"] != "unnamed"
     entries = [] if only_friction else _together(box_of({**document, "findings": beyond}, None), beyond)
     entries = [one if one.finding is None else replace(one, finding=places[one.finding]) for one in entries]
@@ -303,7 +303,7 @@ def rests_of_robot(document: Document) -> str:
 def is_urgent(document: Document) -> bool:
     """Whether damage that grows was found, so that there is a day by which to act."""
     return any(
-        kind_or_any(one["mechanism"]).traits.urgent and one["probability"] >= SAID for one in document["findings"]
+        kind_or_any(one["mechanism"]).traits.urgent and one["probability"] >= REPORTED for one in document["findings"]
     )
 
 

@@ -61,14 +61,14 @@ def cause_panels(result: Investigation) -> list[Panel | None]:
 def cause_panel(result: Investigation, finding: Finding) -> Panel | None:
     """The plot that shows a finding; None where nothing was drawn that could."""
     selection = result.selection
-    if selection is None or result.gate is None:
+    if selection is None or result.data_check is None:
         return _of_encoders(result) or _of_sound(result, finding)
     keys = {(term.mechanism, term.location): term for term in selection.found}
     term = keys.get((finding.mechanism, finding.location))
     if term is not None:
         return _of_term(selection, term, numbers_of(finding))
     if kind_or_any(finding.mechanism).kind == "measurement":
-        over_time, _, spectrum, _ = overlay_panels(selection, result.gate.measurement.torque)
+        over_time, _, spectrum, _ = overlay_panels(selection)
         return spectrum if kind_or_any(finding.mechanism).signature.domain == "frequency" else over_time
     return next(iter(along_path(result)), None)
 
@@ -79,9 +79,9 @@ def _of_encoders(result: Investigation) -> Panel | None:
 
 def _of_sound(result: Investigation, finding: Finding) -> Panel | None:
     """What comes at one place of a motion shows in the strokes, what has a pitch in a spectrum, all else in time."""
-    if result.listening is None:
+    if result.acoustic is None:
         return None
-    overlay, strokes = sound_panels(result.listening)
+    overlay, strokes = sound_panels(result.acoustic)
     sign = kind_or_any(finding.mechanism).signature
     if sign.per_cycle is not None and strokes:
         return strokes[0]

@@ -61,7 +61,7 @@ def _of_sound(result: Investigation) -> list[tuple[str, str]]:
         (f"sound {place}", f"{number(one.duration_s)} s at {one.sample_rate_hz:.0f} samples per second")
         for place, one in enumerate(result.sounds, start=1)
     ]
-    listened = result.listening
+    listened = result.acoustic
     for place, course in enumerate(listened.as_new if listened else (), start=1):
         one = course.analysis.recording
         rows.append(

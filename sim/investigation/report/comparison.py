@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from sim.investigation.report.box import Size, is_number, is_shown, size_of
 from sim.investigation.report.formatting import likely, named, words_of
-from sim.investigation.results import SAID
+from sim.investigation.results import REPORTED
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.catalogue import kind_or_any
 
@@ -80,7 +80,7 @@ def values_compared(before: Document, after: Document) -> list[Value]:
 
 
 def _said(document: Document) -> list[Document]:
-    return [one for one in document["findings"] if one["probability"] >= SAID]
+    return [one for one in document["findings"] if one["probability"] >= REPORTED]
 
 
 def _is_same(one: Document, other: Document) -> bool:

@@ -18,7 +18,7 @@ from scipy.signal import welch
 from sim.chain.model import Array
 from sim.investigation.estimation.doubts import by_doubts
 from sim.investigation.estimation.problem import Problem
-from sim.investigation.report.panels import DESCRIBED, EXTENDED, FLOOR, MEASURED, TAKEN, Panel
+from sim.investigation.report.panels import DESCRIBED, EXTENDED, FLOOR, MEASURED, Panel
 from sim.investigation.search.search import Selection
 
 MEAN_S = 0.01  # values over time are means of this, which leaves what is below 50 Hz
@@ -35,18 +35,12 @@ DRAWS = 4  # of noise, for its floor over orders
 Lines = tuple[tuple[str, Array], ...]
 
 
-def overlay_panels(selection: Selection, recorded: Array) -> list[Panel]:
-    """Measured and simulated motor torque beside what is left of it, over time and frequency.
-
-    `recorded`, shape (n,) [N m]: the torque before noise was taken away that the drive's law tells.
-    """
+def overlay_panels(selection: Selection) -> list[Panel]:
+    """Measured and simulated motor torque beside what is left of it, over time and frequency."""
     motor, torque = channels(selection)[0], selection.problem.measurement.torque
     return [
-        motor.measured_over_time(recorded, torque),
-        motor.left_over_time(),
-        motor.measured_spectrum(recorded, torque),
-        motor.spectrum(recorded - torque),
-    ]
+        motor.measured_over_time(torque), motor.left_over_time(), motor.measured_spectrum(torque), motor.spectrum(),
+    ]  # fmt: skip
 
 
 def residual_panels(selection: Selection) -> list[Panel]:
@@ -107,29 +101,24 @@ class Channel:
         turning = [*self.by_angles(), *([order] if order else [])]
         return [*turning, self.by_speed(), self.by_torque(), self.by_direction(), self.by_time()]
 
-    def measured_over_time(self, recorded: Array, measured: Array) -> Panel:
-        return self._over_time(f"{self.name}: measured and simulated", self._simulated(recorded, measured), None)
+    def measured_over_time(self, measured: Array) -> Panel:
+        return self._over_time(f"{self.name}: measured and simulated", self._simulated(measured), None)
 
     def left_over_time(self) -> Panel:
         reach = 2 * self.floor()
         return self._over_time(f"{self.name}: residual", self._moving(), (-reach, reach))
 
-    def measured_spectrum(self, recorded: Array, measured: Array) -> Panel:
+    def measured_spectrum(self, measured: Array) -> Panel:
         """Of the rows that count, as `spectrum` of what is left: at a frequency one can be held against the other."""
-        lines = [(name, self._level_counted(y)) for name, y in self._simulated(recorded, measured)]
+        lines = [(name, self._level_counted(y)) for name, y in self._simulated(measured)]
         return self._spectra(f"{self.name}, spectrum: measured and simulated", lines)
 
-    def _simulated(self, recorded: Array, measured: Array) -> Lines:
-        """What was recorded, and each model: what is left is that of `measured`, of which noise may be taken away."""
-        return ((MEASURED, recorded), *((name, measured - left) for name, left in self.left))
+    def _simulated(self, measured: Array) -> Lines:
+        return ((MEASURED, measured), *((name, measured - left) for name, left in self.left))
 
-    def spectrum(self, taken: Array | None = None) -> Panel:
-        """Of the rows that count, as loud as if all did; a line leads over lost ones, whose edges would be loudest.
-
-        Beside it what was `taken` from the measurement, shape (n,) [N m].
-        """
-        beside = () if taken is None or not taken.any() else ((TAKEN, taken),)
-        return self.spectrum_of(f"{self.name}, spectrum: residual", (*self.left, *beside))
+    def spectrum(self) -> Panel:
+        """Of the rows that count, as loud as if all did; a line leads over lost ones, whose edges would be loudest."""
+        return self.spectrum_of(f"{self.name}, spectrum: residual", self.left)
 
     def spectrum_of(self, title: str, shown: Lines) -> Panel:
         """The same of any torques, each of shape (n,) [N m], with the noise floor."""

@@ -21,7 +21,7 @@ from sim.investigation.report.formatting import likely, named
 from sim.investigation.report.panels import Panel
 from sim.investigation.report.residual_panels import overlay_panels, residual_panels
 from sim.investigation.report.wording import headline, not_examined
-from sim.investigation.search.criterion import BEYOND, evidence, form_share, matters
+from sim.investigation.search.criterion import LEAST_EFFECT, evidence, exceeds_model_error, form_share
 from sim.investigation.search.proposals import Rival
 from sim.investigation.search.search import Selection
 
@@ -103,18 +103,18 @@ def _taken(selection: Selection, term: Term) -> dict[str, object]:
 
 def panels(result: Investigation) -> tuple[list[Panel], list[Panel], list[Panel]]:
     """Model and measurement; what is left, by where it lives; what was heard beside telemetry."""
-    if result.selection is not None and result.gate is not None:
-        overlay = overlay_panels(result.selection, result.gate.measurement.torque)
+    if result.selection is not None and result.data_check is not None:
+        overlay = overlay_panels(result.selection)
         return overlay, residual_panels(result.selection), along_path(result)
-    if result.listening is None:
+    if result.acoustic is None:
         return list(result.encoders), [], []
-    return (*sound_panels(result.listening), [])
+    return (*sound_panels(result.acoustic), [])
 
 
 def candidates(result: Investigation) -> list[Candidate]:
     """What was weighed and not named, what was tried in place of a finding first."""
     if result.selection is None:
-        found = sound_candidates(result.listening) if result.listening else ()
+        found = sound_candidates(result.acoustic) if result.acoustic else ()
         return [Candidate(name, None, reason) for name, reason in found]
     selection = result.selection
     present = {term.key for term in selection.fit.terms}
@@ -134,11 +134,11 @@ def candidates(result: Investigation) -> list[Candidate]:
         for t in selection.fit.terms
         if t.named and t not in selection.found
     ]
-    silent = [Candidate(name, None, reason) for name, reason in unheard(result)]
+    silent = [Candidate(name, None, reason) for name, reason in not_detected(result)]
     return [*instead, *as_new, *(_left_out(selection, rival) for rival in rest[:MOST_CANDIDATES]), *silent]
 
 
-def unheard(result: Investigation) -> list[tuple[str, str]]:
+def not_detected(result: Investigation) -> list[tuple[str, str]]:
     """What was listened for beside telemetry and not heard, and why."""
     named = {finding.mechanism for finding in result.findings}
     silent = ((name, kind.sound.absent) for name, kind in mechanisms.MECHANISMS.items() if kind.sound)
@@ -159,14 +159,14 @@ def _left_out(selection: Selection, rival: Rival) -> Candidate:
     other = _form_of(selection, rival)
     if rival.gain <= 0:
         reason = "It explains nothing beyond the others."
-    elif rival.beyond <= 0.0:
+    elif rival.effect_size <= 0.0:
         reason = "Its best-fitting size is no larger than in a new axis, or too small to matter."
     elif rival.gain < needed:
         reason = "It explains less than is needed for one more mechanism."
-    elif rival.beyond <= BEYOND:
+    elif rival.effect_size <= LEAST_EFFECT:
         reason = (
-            f"Its best-fitting size is only {rival.beyond:.1f} standard deviations above that of a new axis or what "
-            f"matters; {BEYOND:g} are needed."
+            f"Its best-fitting size is only {rival.effect_size:.1f} standard deviations above that of a new axis or "
+            f"what matters; {LEAST_EFFECT:g} are needed."
         )
     elif other is not None:
         reason = f"It is so small beside {named(other)} that it may only be an error in how that is modelled."
@@ -184,7 +184,7 @@ def asked_for(term: Term, fit: Fit) -> float:
     low, high = 0.0, LARGEST
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        enough = matters(term, middle, fit) and evidence(term, middle / noise, rows) > 0.0
+        enough = exceeds_model_error(term, middle, fit) and evidence(term, middle / noise, rows) > 0.0
         low, high = (low, middle) if enough else (middle, high)
     return high
 
@@ -222,7 +222,7 @@ def _clearest(result: Together, finding: Finding) -> Panel | None:
         return None
     _, part, one = max(same, key=lambda each: each[0])
     panel = cause_panel(part.result, one)
-    return panel and replace(panel, title=f"{panel.title}, in {part.taken.name}")
+    return panel and replace(panel, title=f"{panel.title}, in {part.recording.name}")
 
 
 def parts_together(result: Together) -> list[tuple[str, dict[str, object]]]:
@@ -231,9 +231,9 @@ def parts_together(result: Together) -> list[tuple[str, dict[str, object]]]:
 
 
 def _title(part: Part) -> str:
-    sound = f" with {part.taken.sound_name}" if part.taken.sound_name else ""
+    sound = f" with {part.recording.sound_name}" if part.recording.sound_name else ""
     found = ", ".join(
         f"{named(f.mechanism, f.location)}, {likely(f.probability, calibrated=f.calibrated)}"
         for f in part.result.findings
     )
-    return f"{part.taken.name}{sound}: {found or headline(part.result)}"
+    return f"{part.recording.name}{sound}: {found or headline(part.result)}"

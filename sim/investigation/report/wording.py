@@ -16,7 +16,7 @@ from sim.investigation.data.excitation import turns
 from sim.investigation.hypotheses.identifiability import HALF
 from sim.investigation.report.formatting import angle, named, number, percent, words_of
 from sim.investigation.report.maintenance_actions import SHOWN_RAD, measurement, of_the_measurement
-from sim.investigation.results import SAID
+from sim.investigation.results import REPORTED
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms.catalogue import kind_of, kind_or_any
 from sim.mechanisms.mechanism import Discriminating, Need
@@ -89,7 +89,7 @@ def headline(result: Investigation) -> str:
     """The verdict in one line: what is missing, or what was examined where nothing is."""
     if result.verdict == "unnamed":
         return "Something is there that no known mechanism explains."
-    said = [f for f in result.findings if f.probability >= SAID]
+    said = [f for f in result.findings if f.probability >= REPORTED]
     machine = [f for f in said if not of_the_measurement(f.mechanism)]
     kinds = dict.fromkeys(kind_or_any(f.mechanism) for f in said if f not in machine)
     faults = ", ".join(named(kind.name) for kind in kinds if not kind.or_of_the_machine)
@@ -99,7 +99,7 @@ def headline(result: Investigation) -> str:
     if not machine:
         beyond = (
             _silent(result)
-            if result.listening is not None
+            if result.acoustic is not None
             else "Otherwise nothing was found that these data could show."
         )
         first = f"Not described: {either}. " if either else ""
@@ -107,13 +107,13 @@ def headline(result: Investigation) -> str:
     beside = (f" Beside it: {either}." if either else "") + (
         f" The measurement also has faults: {faults}." if faults else ""
     )
-    if result.listening is not None:
+    if result.acoustic is not None:
         return f"Heard: {_names(machine)}.{beside}"
     return f"Found: {_names(machine)}.{beside}"
 
 
 def _silent(result: Investigation) -> str:
-    if result.listening is None:
+    if result.acoustic is None:
         return "Nothing was found that these data could show."
     if not result.examined:
         return "Nothing could be examined in this sound."
@@ -153,9 +153,9 @@ def next_measurement(axis: Axis, findings: Sequence[Finding], rest: Sequence[Une
     """The one measurement that would settle most of what is open, with what each rival would show in it."""
     for finding in findings:
         if finding.indistinguishable_from:
-            return telling_apart(finding.mechanism, finding.indistinguishable_from[0], load_encoder)
+            return measurement_between(finding.mechanism, finding.indistinguishable_from[0], load_encoder)
     if not findings and rest:
-        return telling_what_is_left(rest[0])
+        return measurement_of_the_rest(rest[0])
     blind = not load_encoder and bool(axis.stages)
     if blind and all(kind_or_any(finding.mechanism).traits.behind_the_motor for finding in findings):
         return (
@@ -167,7 +167,7 @@ def next_measurement(axis: Axis, findings: Sequence[Finding], rest: Sequence[Une
     return "Nothing is open. Repeat the same motion after maintenance or in half a year, and compare."
 
 
-def telling_what_is_left(rest: Unexplained) -> str:
+def measurement_of_the_rest(rest: Unexplained) -> str:
     """The measurement that would show what something without a name is."""
     return REST.get(rest.kind, REST["frequency"])
 
@@ -177,7 +177,7 @@ def numbers_of(finding: Finding) -> dict[str, float]:
     return {e.name: e.value for e in finding.parameters}
 
 
-def telling_apart(first: str, second: str, load_encoder: bool) -> str:
+def measurement_between(first: str, second: str, load_encoder: bool) -> str:
     """The measurement in which two mechanisms differ."""
     one, other = kind_or_any(first).discriminated_by, kind_or_any(second).discriminated_by
     for way in Discriminating:

@@ -15,13 +15,13 @@ from sim.mechanisms.mechanism import LEAST_GAIN
 
 BENDING = 7.0  # gain over what the description is bent by more with a term: less, and the term stands for another
 QUIET = 0.5  # of the rows: the least squares of which that is a share, where there is hardly any noise
-LOOKS_OF_SCAN = 8.0  # nats, for all places along the wheels at which a dent was looked for
-STROKE_ROWS = 50.0  # of what acts over whole strokes, for one that says something of its own
-HOLDS_T = 1.5
-KEPT_SHARE = 0.33  # of a gain, on rows not seen
+PENALTY_OF_SCAN = 8.0  # nats, for all places along the wheels at which a dent was looked for
+ROWS_OF_A_HALF_CYCLE = 50.0  # of what acts over whole strokes, for one that says something of its own
+LEAST_T = 1.5
+LEAST_SHARE_ELSEWHERE = 0.33  # of a gain, on rows not seen
 AGAINST = 0.1  # of a gain, which unseen rows by themselves may lose
 LARGEST_LOSS = 3.0  # times the median over blocks
-BEYOND = 2.0  # standard deviations
+LEAST_EFFECT = 2.0  # standard deviations
 TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
 
 
@@ -33,8 +33,8 @@ def penalty(term: Term, rows: int) -> float:
     """
     if term.traits.in_every_axis:
         return 0.0
-    looks = LOOKS_OF_SCAN if term.traits.dent else math.log(max(len(term.probes), term.among, 1) + 1.0)
-    telling = rows / STROKE_ROWS if term.traits.over_strokes else rows
+    looks = PENALTY_OF_SCAN if term.traits.dent else math.log(max(len(term.probes), term.among, 1) + 1.0)
+    telling = rows / ROWS_OF_A_HALF_CYCLE if term.traits.over_strokes else rows
     own = sum(p.name not in term.replaces and math.isinf(p.spread) for p in term.parameters)
     return 0.5 * own * math.log(max(telling, 2.0)) + looks
 
@@ -49,7 +49,7 @@ def least_gain(term: Term) -> float:
     return term.traits.least_gain
 
 
-def matters(term: Term, gain: float, fit: Fit) -> bool:
+def exceeds_model_error(term: Term, gain: float, fit: Fit) -> bool:
     """Whether a gain is more than what the form of a model differs from any axis.
 
     Laws of a spring bend to whatever is missing, and so does the description beside them: where it is bent by as much,
@@ -74,9 +74,9 @@ def shifts_prior(term: Term, less: Fit, more: Fit, gain: float) -> bool:
     return not term.traits.in_every_axis and gain < BENDING * (more.prior_penalty - less.prior_penalty)
 
 
-def wanted(term: Term, far: float) -> bool:
+def is_relevant(term: Term, far: float) -> bool:
     """Whether a term `far` beyond as new is worth a place: it matters, or nothing always fitted stands for it."""
-    return far > BEYOND or (far > -math.inf and term.as_new_too)
+    return far > LEAST_EFFECT or (far > -math.inf and term.as_new_too)
 
 
 def is_model_error(term: Term, gain: float, entered: Mapping[Key, float]) -> bool:
@@ -106,7 +106,7 @@ def needs_no_trial(term: Term, gain: float, fit: Fit) -> bool:
     return gain > term.traits.needs_no_trial * fit.misfit
 
 
-def holds(term: Term, less: Fit, more: Fit) -> bool:
+def predicts_unseen_rows(term: Term, less: Fit, more: Fit) -> bool:
     """Whether the model with `term` predicts better what it has not seen.
 
     By 1.5 standard errors and 2.6 to one in sum, both of signed roots, as in `paired`; or, where an effect acts in a
@@ -119,7 +119,7 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
     """
     drop = advantage(less, more)
     root = np.sign(drop) * np.sqrt(np.abs(drop))
-    even = paired(drop) > HOLDS_T and float(root.sum()) > 0.45 * float(np.abs(root).sum())
+    even = paired(drop) > LEAST_T and float(root.sum()) > 0.45 * float(np.abs(root).sum())
     if term.traits.restless:
         return even
     kept = float(np.maximum(drop, -LARGEST_LOSS * np.median(np.abs(drop))).sum())
@@ -128,4 +128,4 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
     if not (term.traits.like_an_offset or term.traits.in_every_axis) and kept - relief < -AGAINST * fitted:
         return False
     least = 0.0 if term.traits.in_every_axis else least_gain(term)
-    return even or (fitted > least and kept > KEPT_SHARE * fitted)
+    return even or (fitted > least and kept > LEAST_SHARE_ELSEWHERE * fitted)

@@ -40,7 +40,7 @@ def makes_sense(term: Term, values: Values) -> bool:
     return all(known[name].low <= x <= known[name].high for name, x in term.report(values).items() if name in known)
 
 
-def beyond(term: Term, fit: Fit) -> float:
+def effect_size(term: Term, fit: Fit) -> float:
     """Standard deviations by which a term is larger than what does not matter or is as new; infinite without a name.
 
     For a dent either infinity: teeth may leave it before its bottom, and then how deep it is cannot be seen. Less than

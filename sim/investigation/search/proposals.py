@@ -20,15 +20,14 @@ from sim.investigation.hypotheses.harmonics import AS_NEW_FACTOR
 from sim.investigation.hypotheses.hypothesis import Key, Term
 from sim.investigation.hypotheses.identifiability import missing_at
 from sim.investigation.hypotheses.traits import mechanisms_with
-from sim.investigation.model.nominal import ratio_after, stages_of
 from sim.investigation.parallel import each
 from sim.investigation.search.criterion import (
     evidence,
     form_gain,
+    is_relevant,
     least_gain,
-    wanted,
 )
-from sim.investigation.search.effect_size import beyond, magnitude
+from sim.investigation.search.effect_size import effect_size, magnitude
 from sim.investigation.search.residual_proposals import changed_gain, nameless_terms, ripples, waves
 from sim.investigation.search.score_test import Screened, screen
 from sim.investigation.search.tooth_scan import ToothPosition, scan
@@ -61,7 +60,7 @@ class Rival:
     term: Term
     gain: float
     values: Mapping[str, float]
-    beyond: float = math.inf
+    effect_size: float = math.inf
     finished: Fit | None = field(default=None, repr=False, compare=False)
 
 
@@ -139,7 +138,7 @@ def _with_finished(problem: Problem, fit: Fit, tried: list[Tried], curve: float)
         for place, (r, _) in enumerate(tried[:CLOSE])
         if r.gain > 0.3 * tried[0][0].gain
         and (r.term.nonlinear or r.term.traits.in_every_axis or r.gain > FAR_MOVED or r.gain < curve)
-        and wanted(r.term, r.beyond + GROWTH)
+        and is_relevant(r.term, r.effect_size + GROWTH)
     ]
     near = [tried[place] for place in far]
     finished = each(lambda t: settled(problem, (*fit.terms, t[0].term), t[0].values, t[1]), near)
@@ -171,7 +170,7 @@ def faint(problem: Problem, fit: Fit) -> list[Rival]:
 
 
 def _rival(fit: Fit, term: Term, more: Fit, finished: Fit | None = None) -> Rival:
-    return Rival(term, fit.cost - more.cost, more.values, beyond(term, more), finished)
+    return Rival(term, fit.cost - more.cost, more.values, effect_size(term, more), finished)
 
 
 def _tried(fit: Fit, term: Term, more: Fit | None) -> Tried | None:
@@ -231,22 +230,6 @@ def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]
     if term.contact or (best and best.cost < fit.cost):
         return best
     return problem.best(terms, [(fit.values, fit.sensitivities)], to_end=False)
-
-
-def elsewhere(problem: Problem, fit: Fit, own: Rival) -> list[Rival]:
-    """Play in every other gear pair, with the same lost motion at the load."""
-    if not own.term.traits.gap:
-        return []
-    stages = stages_of(problem.axis)
-    gap = magnitude(own.term, fit.values) / ratio_after(problem.axis, stages.index(own.term.location or ""))
-    present = {t.key for t in fit.terms}
-    return [
-        Rival(
-            t, own.gain, {p.name: gap * ratio_after(problem.axis, stages.index(t.location or "")) for p in t.parameters}
-        )
-        for t in terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values))
-        if t.mechanism == own.term.mechanism and t.key not in present
-    ]
 
 
 def damage_terms(problem: Problem, terms: Sequence[Term], values: Mapping[str, float]) -> list[Term]:

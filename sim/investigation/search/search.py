@@ -7,11 +7,9 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 from sim.description.axis import MechanismEntry
-from sim.investigation.data.controller_law import DriveLaw
-from sim.investigation.data.preprocessing import STANDSTILL_SHARE
 from sim.investigation.estimation.estimate import Fit
 from sim.investigation.estimation.problem import Problem
-from sim.investigation.estimation.refit import look_closely, multistart, quieted, rewhiten
+from sim.investigation.estimation.refit import multistart, rewhiten, with_slow_noise
 from sim.investigation.estimation.whitening import LONG
 from sim.investigation.hypotheses.hypothesis import Key, Term
 from sim.investigation.hypotheses.traits import AS_NEW, mechanisms_with
@@ -19,24 +17,23 @@ from sim.investigation.parallel import each
 from sim.investigation.search.blocked_cross_validation import advantage, paired
 from sim.investigation.search.comparison import ModelComparison, in_place, named_alone, own_of, standings
 from sim.investigation.search.criterion import (
-    BEYOND,
+    LEAST_EFFECT,
     evidence,
-    holds,
+    exceeds_model_error,
     is_model_error,
+    is_relevant,
     least_gain,
-    matters,
     needs_no_trial,
+    predicts_unseen_rows,
     shifts_prior,
-    wanted,
 )
-from sim.investigation.search.effect_size import beyond
-from sim.investigation.search.noise_swap import Nearly, ahead, near, turned, under_both_noises
+from sim.investigation.search.effect_size import effect_size
+from sim.investigation.search.noise_swap import NearRivals, ahead, exchanged, near_rivals, under_both_noises
 from sim.investigation.search.proposals import (
     FAR_MOVED,
     FEW_TRIES,
     MOST_TRIES,
     Rival,
-    elsewhere,
     faint,
     settled,
     try_terms,
@@ -57,7 +54,6 @@ LEAST_SWAP = 10.0  # drop of the squared residual
 LARGE = 0.01  # of the squared residual: what brings less waits until slow noise is known
 PLENTY = 0.1  # of the squared residual: a term whose lack costs more after a few steps is not needless
 SURE, MOST_HIDDEN = 1.0, 2  # tempered nats of what noise has hidden, and how many of those
-MOST_QUIET = 3  # rounds without the noise that the drive's law tells
 ENOUGH = 0.0  # tempered nats that a term must bring
 MORE = 4.0  # the same for what is as new or has no name: it only stands aside
 
@@ -66,9 +62,8 @@ MORE = 4.0  # the same for what is as new or has no name: it only stands aside
 class Selection:
     """The last fit; per accepted term what it gains over the fit without it, and its rivals when it came in.
 
-    `found`: mechanisms of a size that matters; `fit` also holds what is as new, so that nothing else is blamed for it,
-    and what has no name. `own_noise`: log likelihood of the fit over that without each name, both under noise of their
-    own, of those that act in the band of the motion.
+    `found`: mechanisms of a size that matters; `fit` also has what is as new, so that nothing else is blamed for it,
+    and what has no name.
     """
 
     problem: Problem
@@ -79,7 +74,6 @@ class Selection:
     rejected: tuple[Rival, ...]
     found: tuple[Term, ...]
     standings: Mapping[Key, ModelComparison]
-    own_noise: Mapping[Key, float] = field(default_factory=dict)
 
     @property
     def nameless(self) -> tuple[Term, ...]:
@@ -88,11 +82,8 @@ class Selection:
         return tuple(sorted(spoken, key=lambda t: -self.gains[t.key]))
 
 
-def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None = None) -> Selection:
-    """Forward selection with refits, backward elimination after every step.
-
-    Where nothing came in, once more without the noise that `law` tells of the torque channel.
-    """
+def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
+    """Forward selection with refits, backward elimination after every step."""
     state = SelectionState(problem, base, described(problem, base))
     for step in range(MOST_ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
@@ -100,9 +91,6 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
             break
     state.settle()
     state.unmask()
-    if law is not None and state.is_empty and state.problem.runs.count <= LAST_RUNS:
-        progress("candidates without noise of the torque channel", 0.7)
-        state.quieten(law)
     return state.selection(base)
 
 
@@ -117,7 +105,7 @@ class SelectionState:
     fit: Fit
     entered: dict[Key, float]
     rivals: Mapping[Key, tuple[Rival, ...]] = field(default_factory=dict)
-    nearly: Nearly = field(default_factory=dict)
+    nearly: NearRivals = field(default_factory=dict)
     rejected: tuple[Rival, ...] = ()
     promised: frozenset[str] = frozenset()
     gains: Mapping[Key, float] = field(default_factory=dict)
@@ -126,14 +114,7 @@ class SelectionState:
     def is_full(self) -> bool:
         """Whether as many terms of a size that matters are in as are believed."""
         counted = (t for t in self.fit.terms if not (t.traits.in_every_axis or t.mechanism == AS_NEW))
-        return sum(beyond(t, self.fit) > BEYOND for t in counted) >= MOST_TERMS
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing of a size that matters is in, and teeth stay in contact."""
-        return not any(is_said(t, self.fit) for t in self.fit.terms) and not self.problem.has_contact_loss(
-            self.fit.terms
-        )
+        return sum(effect_size(t, self.fit) > LEAST_EFFECT for t in counted) >= MOST_TERMS
 
     def advance(self) -> bool:
         """Let the best candidate in; whether there was one."""
@@ -155,50 +136,40 @@ class SelectionState:
         """What was tried and what of it comes in; under slow noise, if nothing does else."""
         tried, entry = search(self.problem, self.fit, self.entered, only)
         if not entry.new and self.problem.memory != LONG:
-            self.problem, self.fit = look_closely(self.problem, self.fit)
+            self.problem, self.fit = with_slow_noise(self.problem, self.fit)
             tried, entry = search(self.problem, self.fit, self.entered, only)
         return tried, entry
 
     def _take(self, tried: Sequence[Rival], entry: Entry) -> None:
         self.problem, self.fit = entry.problem, entry.fit
-        m = self.problem.measurement
-        if self.problem.has_contact_loss(self.fit.terms) and (m.rests or m.standstill < STANDSTILL_SHARE):
-            self.problem, self.fit = rewhiten(self.problem.down_to(STANDSTILL_SHARE), self.fit)
         self.entered |= entry.brought
-        self.nearly = {**self.nearly, **{r.term.key: near(r, tried) for r in entry.new}}
+        self.nearly = {**self.nearly, **{r.term.key: near_rivals(r, tried) for r in entry.new}}
         shortlist = tuple(r for r in tried if r.term.named)[:SHORTLIST]
         self.rivals = {**self.rivals, **{r.term.key: shortlist for r in entry.new}}
 
     def settle(self) -> None:
         """What is in, held against its rivals and against what the others have made needless."""
         if self.problem.memory != LONG:
-            self.problem, self.fit = look_closely(self.problem, self.fit)
+            self.problem, self.fit = with_slow_noise(self.problem, self.fit)
         self.fit, self.rivals = swap(self.problem, self.fit, self.rivals, self.entered)
-        self.problem, self.fit, self.nearly = turned(self.problem, self.fit, self.nearly)
+        self.problem, self.fit, self.nearly = exchanged(self.problem, self.fit, self.nearly)
         self.problem, self.fit, self.gains = prune(self.problem, self.fit, strict=True)
 
     def unmask(self) -> None:
         """Let in what noise has hidden."""
         for _ in range(MOST_HIDDEN):
-            tried, entry = unmasked(self.problem, self.fit, self.entered)
+            tried, entry = select_hidden(self.problem, self.fit, self.entered)
             self.problem, self.fit, self.gains = entry.problem, entry.fit, dict(entry.brought) or self.gains
             self.rivals = {**self.rivals, **{r.term.key: tuple(tried) for r in entry.new}}
-            self.nearly = {**self.nearly, **{r.term.key: near(r, tried) for r in entry.new}}
+            self.nearly = {**self.nearly, **{r.term.key: near_rivals(r, tried) for r in entry.new}}
             if not entry.new:
                 break
-
-    def quieten(self, law: DriveLaw) -> None:
-        """Let in what shows without the noise that `law` tells of the torque channel."""
-        rivals, nearly, entry = quietly(self.problem, self.fit, law, self.entered)
-        if entry.new:
-            self.problem, self.fit, self.gains = entry.problem, entry.fit, dict(entry.brought)
-            self.rivals, self.nearly = {**self.rivals, **rivals}, {**self.nearly, **nearly}
 
     def selection(self, base: Fit) -> Selection:
         """What is in, each mechanism that matters compared with its rivals in its place."""
         problem, fit = self.problem, self.fit
         in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in self.rivals.items()}
-        found = tuple(t for t in fit.terms if t.named and is_said(t, fit))
+        found = tuple(t for t in fit.terms if t.named and is_reported(t, fit))
         standing = standings(problem, fit, found, self.gains, in_place)
         standing |= {
             t.key: under_both_noises(problem, fit, t, standing[t.key], self.nearly.get(t.key, [])) for t in found
@@ -206,38 +177,12 @@ class SelectionState:
         return Selection(problem, base, fit, self.gains, self.rivals, self.rejected, found, standing)
 
 
-def is_said(term: Term, fit: Fit) -> bool:
+def is_reported(term: Term, fit: Fit) -> bool:
     """Whether a term is a mechanism of a size that matters, or something without a name."""
-    return term.mechanism != AS_NEW and beyond(term, fit) > BEYOND
+    return term.mechanism != AS_NEW and effect_size(term, fit) > LEAST_EFFECT
 
 
-def quietly(
-    problem: Problem, fit: Fit, law: DriveLaw, entered: Mapping[Key, float]
-) -> tuple[Mapping[Key, tuple[Rival, ...]], Nearly, Entry]:
-    """What comes in once the drive's law tells noise of the torque channel, the fit with it and what each term gains.
-
-    Nothing where it tells none, and where what comes in may as well be the noise at the load, which stays.
-    """
-    anew, more = quieted(problem, fit, law)
-    rivals: dict[Key, tuple[Rival, ...]] = {}
-    nearly: Nearly = {}
-    for _ in range(MOST_QUIET if anew is not problem else 0):
-        tried, entry = search(anew, more, entered, None)
-        if not entry.new:
-            break
-        anew, more = entry.problem, entry.fit
-        rivals |= {r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}
-        nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
-    if not rivals:
-        return rivals, nearly, Entry((), problem, fit)
-    anew, more, gains = prune(anew, more, strict=True)
-    named = [t for t in more.terms if t.named and is_said(t, more)]
-    new = [r for t in named for r in rivals.get(t.key, ()) if r.term.key == t.key]
-    shaken = any(t.traits.shakes_load for t in named)  # which is all that is left then
-    return rivals, nearly, Entry((), problem, fit) if shaken else Entry(new, anew, more, gains)
-
-
-def unmasked(problem: Problem, fit: Fit, entered: Mapping[Key, float]) -> tuple[list[Rival], Entry]:
+def select_hidden(problem: Problem, fit: Fit, entered: Mapping[Key, float]) -> tuple[list[Rival], Entry]:
     """What was tried, and of it what stands once noise is taken from its own fit, beside all that stands in `fit`.
 
     What each then gains is told of all of them. Where teeth hit none is looked for.
@@ -248,7 +193,7 @@ def unmasked(problem: Problem, fit: Fit, entered: Mapping[Key, float]) -> tuple[
     finished = faint(problem, fit)
     tried = [replace(r, finished=None) for r in finished]
     for best in finished:
-        if best.finished is None or best.beyond <= BEYOND:
+        if best.finished is None or best.effect_size <= LEAST_EFFECT:
             continue
         anew, more = rewhiten(*multistart(*rewhiten(problem, best.finished)))
         anew, more, gains = prune(anew, more, strict=True)
@@ -277,7 +222,7 @@ def _key(entry: MechanismEntry) -> Key:
 
 def is_large(rival: Rival, fit: Fit) -> bool:
     """Whether a mechanism of a size that matters, teeth in contact, takes away much."""
-    sure = rival.term.named and not rival.term.contact and rival.beyond > BEYOND
+    sure = rival.term.named and not rival.term.contact and rival.effect_size > LEAST_EFFECT
     return sure and rival.gain > LARGE * fit.misfit
 
 
@@ -287,7 +232,7 @@ def likely(tried: Sequence[Rival]) -> list[Rival]:
     An offset and an asymmetry are the same torque while anything moves: whichever ended in the better valley, either
     may be meant.
     """
-    large = [r for r in tried if r.beyond > 0.0]
+    large = [r for r in tried if r.effect_size > 0.0]
     if not large:
         return []
     best = max(large, key=lambda r: r.gain)
@@ -357,9 +302,10 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
     fitting = [
         r
         for r in tried
-        if worth[r.term.key] > (ENOUGH if r.term.named and r.beyond > BEYOND else MORE) and wanted(r.term, r.beyond)
+        if worth[r.term.key] > (ENOUGH if r.term.named and r.effect_size > LEAST_EFFECT else MORE)
+        and is_relevant(r.term, r.effect_size)
     ]
-    as_new = [r for r in fitting if r.term.mechanism == AS_NEW or r.beyond <= BEYOND]
+    as_new = [r for r in fitting if r.term.mechanism == AS_NEW or r.effect_size <= LEAST_EFFECT]
     most = max((worth[r.term.key] for r in fitting if r.term.named), default=0.0)
     touching = max(
         (worth[r.term.key] for r in fitting if r.term.named and not (r in as_new or r.term.contact)), default=0.0
@@ -380,7 +326,11 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
         more = best.finished if len(new) == 1 else None
         more = more or settled(problem, (*fit.terms, *(r.term for r in new)), start, held)
         gain = fit.cost - more.cost
-        if best.term.named or best in as_new or (holds(best.term, fit, more) and matters(best.term, gain, more)):
+        if (
+            best.term.named
+            or best in as_new
+            or (predicts_unseen_rows(best.term, fit, more) and exceeds_model_error(best.term, gain, more))
+        ):
             return new, more
     return [], None
 
@@ -409,7 +359,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
         for term in fit.terms:
             more = plain if term.named else fit
             gain = costs[term.key] = less[term.key].cost - more.cost
-            held = not strict or needs_no_trial(term, gain, more) or holds(term, less[term.key], more)
+            held = not strict or needs_no_trial(term, gain, more) or predicts_unseen_rows(term, less[term.key], more)
             held = held and not (strict and term.named and shifts_prior(term, less[term.key], more, gain))
             gains[term.key] = gain if held else 0.0
         rows = fit.residual.size
@@ -418,8 +368,8 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             for t in fit.terms
             if evidence(t, gains[t.key], rows) <= ENOUGH
             or gains[t.key] < least_gain(t)
-            or not wanted(t, beyond(t, fit))
-            or (strict and not matters(t, gains[t.key], fit))
+            or not is_relevant(t, effect_size(t, fit))
+            or (strict and not exceeds_model_error(t, gains[t.key], fit))
         ]
         if not weak:
             return problem, fit, gains
@@ -430,7 +380,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
     return problem, fit, {}
 
 
-def beside(problem: Problem, fit: Fit, rival: Rival) -> Fit:
+def with_rival(problem: Problem, fit: Fit, rival: Rival) -> Fit:
     """`fit` with a rival on top of all else."""
     own = {p.name: rival.values[p.name] for p in rival.term.parameters}
     return problem.fit((*fit.terms, rival.term), {**fit.values, **own}, held=fit.sensitivities, to_end=True)
@@ -457,15 +407,11 @@ def swap(
         if own is None or term.traits.in_every_axis:
             continue
         present = {t.key for t in fit.terms}
-        options = {r.term.key: [r] for r in elsewhere(problem, fit, own)}
-        for key, known in options.items():
-            known += [tried[key]] if key in tried else []
-        absent = [r for r in tried.values() if r.term.key not in present | options.keys()]
-        options |= {r.term.key: [r] for r in [r for r in absent if r.gain > SWAP_SHARE * own.gain][:SWAPS]}
+        absent = [r for r in tried.values() if r.term.key not in present]
+        options = [r for r in absent if r.gain > SWAP_SHARE * own.gain][:SWAPS]
 
-        def instead(known: Sequence[Rival], term: Term = term) -> Fit | None:
-            other = known[0].term
-            return in_place(problem, fit, term, other, [own_of(term, other, r.values) for r in known])
+        def instead(rival: Rival, term: Term = term) -> Fit | None:
+            return in_place(problem, fit, term, rival.term, [own_of(term, rival.term, rival.values)])
 
         @cache
         def less(term: Term = term) -> Fit:
@@ -473,22 +419,22 @@ def swap(
             return problem.fit(rest, fit.values, held=fit.sensitivities, to_end=True)
 
         best = fit
-        for (key, known), other in zip(options.items(), each(instead, options.values()), strict=True):
+        for known, other in zip(options, each(instead, options), strict=True):
             if other is None:
                 continue
-            rival = replace(known[0], gain=own.gain - (other.cost - fit.cost), values=other.values)
+            rival = replace(known, gain=own.gain - (other.cost - fit.cost), values=other.values)
             kept = present - {term.key} | {_key(entry) for entry in problem.axis.mechanisms}
             others = {k: gain for k, gain in entered.items() if k in kept}
             form = is_model_error(rival.term, rival.gain, others) and not is_model_error(term, own.gain, others)
-            if form or not wanted(rival.term, beyond(rival.term, other)):
+            if form or not is_relevant(rival.term, effect_size(rival.term, other)):
                 continue  # it would not have come in, or be taken away again
-            tried[key] = rival
+            tried[rival.term.key] = rival
             margin = ahead(term if best is fit else best.terms[-1], rival.term)
             even = abs(other.cost - best.cost) < LEAST_SWAP and paired(advantage(best, other)) > margin
-            even = even and holds(rival.term, less(), other)
-            as_new = beyond(rival.term, other) <= BEYOND  # it would have come in by itself
+            even = even and predicts_unseen_rows(rival.term, less(), other)
+            as_new = effect_size(rival.term, other) <= LEAST_EFFECT  # it would have come in by itself
             if other.cost < best.cost - LEAST_SWAP or (even and not as_new):
-                best = beside(problem, fit, rival) if as_new else other
+                best = with_rival(problem, fit, rival) if as_new else other
         rivals = {**rivals, term.key: tuple(sorted(tried.values(), key=lambda r: (-r.gain, str(r.term.key))))}
         if most and best is not fit:
             rivals = {**rivals, best.terms[-1].key: rivals[term.key]}

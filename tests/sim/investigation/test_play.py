@@ -81,12 +81,12 @@ def test_rows_in_which_teeth_rattle_do_not_count() -> None:
     """Nothing presses the teeth together while the axis coasts; a little friction at the load does."""
     loose, pressed = (coasting(friction) for friction in (0.0, 0.1))
     described = {p.name: p.start for p in loose.base()}
-    counts = loose.told((), described).measurement.told > 0.5
+    counts = loose.with_predictable_rows((), described).measurement.predictable > 0.5
     nudged = {**described, "load.inertia_kg_m2": (1.0 + 1e-4) * LOAD}
     apart = np.abs(np.subtract(*(loose.raw_residuals((), values)[0] for values in (described, nudged))))
     assert 0.2 < counts.mean() < 0.8
     assert np.mean(apart[counts] ** 2) < 0.3 * np.mean(apart[~counts] ** 2)
-    assert pressed.told((), {p.name: p.start for p in pressed.base()}).measurement.told.all()
+    assert pressed.with_predictable_rows((), {p.name: p.start for p in pressed.base()}).measurement.predictable.all()
 
 
 def test_friction_is_named_without_which_teeth_would_rattle() -> None:

@@ -57,8 +57,8 @@ def test_friction_and_weight_of_an_axis_that_moves_in_a_sixth_of_its_log() -> No
 
 def test_an_inertia_that_nobody_knows_is_looked_for_near_that_beside_a_weight() -> None:
     """Over one stroke a weight goes with the acceleration, and without it the inertia would seem to be negative."""
-    gate = examine(axis(None), log())
-    assert gate.axis.motor.inertia_kg_m2 == pytest.approx(INERTIA, rel=0.2)
+    data_check = examine(axis(None), log())
+    assert data_check.axis.motor.inertia_kg_m2 == pytest.approx(INERTIA, rel=0.2)
 
 
 def still_and_moving() -> Measurement:

@@ -195,8 +195,8 @@ def test_unseen_torque_of_a_real_arm_is_told_as_well_as_by_least_squares(tmp_pat
     joints = tuple(Telemetry(time_s, each) for each in channels)
     found = investigate_robot(read_robot(ur10e(tmp_path)), [RobotLog(log, joints)])
     for joint in found.joints:
-        assert joint.investigation.gate is not None
-        m = joint.investigation.gate.measurement
+        assert joint.investigation.data_check is not None
+        m = joint.investigation.data_check.measurement
         assert m.known_torque is not None
         counting = np.flatnonzero((m.weight > 0.5) & (np.arange(m.samples) > 0.1 * m.rate_hz))
         left = []

@@ -12,8 +12,8 @@ from scipy.signal import lfilter
 from signals.recording import Recording
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
-from sim.investigation.acoustic.evidence import Listening
-from sim.investigation.acoustic.fusion import listen_alone
+from sim.investigation.acoustic.evidence import AcousticResult
+from sim.investigation.acoustic.fusion import sound_alone
 from sim.investigation.investigate import investigate
 from sim.investigation.report.summary import story
 
@@ -85,7 +85,7 @@ def heard(
 AS_NEW = heard(1)
 
 
-def said(listening: Listening) -> list[tuple[str, str | None]]:
+def said(listening: AcousticResult) -> list[tuple[str, str | None]]:
     return [(h.mechanism, h.location) for h in listening.heard]
 
 
@@ -100,7 +100,7 @@ def said(listening: Listening) -> list[tuple[str, str | None]]:
     ],
 )
 def test_gain_and_place_of_a_microphone_speed_and_what_fell_are_no_growth(now: dict[str, object]) -> None:
-    listening = listen_alone(AXIS, [heard(2, **now)], [AS_NEW])  # type: ignore[arg-type]
+    listening = sound_alone(AXIS, [heard(2, **now)], [AS_NEW])  # type: ignore[arg-type]
     assert said(listening) == []
     assert {"mesh_error", "structural_resonance"} <= set(listening.examined)
 
@@ -108,27 +108,27 @@ def test_gain_and_place_of_a_microphone_speed_and_what_fell_are_no_growth(now: d
 @pytest.mark.parametrize("stage", ["transfer", "output"])
 def test_teeth_that_are_five_times_as_loud_are_named_at_their_gear(stage: str) -> None:
     now = heard(3, louder={stage: 5.0}, gain=0.5, turns_per_s=25.3)
-    assert said(listen_alone(AXIS, [now], [AS_NEW])) == [("mesh_error", stage)]
-    assert said(listen_alone(AXIS, [AS_NEW], [now])) == []
+    assert said(sound_alone(AXIS, [now], [AS_NEW])) == [("mesh_error", stage)]
+    assert said(sound_alone(AXIS, [AS_NEW], [now])) == []
 
 
 def test_what_comes_loose_is_named_at_its_pitch_whatever_the_speed() -> None:
     for turns_per_s in (22.0, 25.0, 27.0):
         now = heard(4, loose=True, gain=2.0, turns_per_s=turns_per_s)
-        (found,) = listen_alone(AXIS, [now], [AS_NEW]).heard
+        (found,) = sound_alone(AXIS, [now], [AS_NEW]).heard
         assert found.mechanism == "structural_resonance"
         value, low, high = found.parameters["frequency_hz"]
         assert low <= LOOSE[0] <= high
         assert value == pytest.approx(LOOSE[0], rel=0.02)
-        assert said(listen_alone(AXIS, [AS_NEW], [now])) == []
+        assert said(sound_alone(AXIS, [AS_NEW], [now])) == []
 
 
 def test_what_sings_at_rest_as_well_is_none_of_the_axis() -> None:
-    assert said(listen_alone(AXIS, [heard(5, fan=1.0)], [AS_NEW])) == []
+    assert said(sound_alone(AXIS, [heard(5, fan=1.0)], [AS_NEW])) == []
 
 
 def test_one_recording_alone_leaves_both_open_and_says_what_would_tell() -> None:
-    listening = listen_alone(AXIS, [heard(6, louder={"output": 5.0}, loose=True)])
+    listening = sound_alone(AXIS, [heard(6, louder={"output": 5.0}, loose=True)])
     assert not {"mesh_error", "structural_resonance"} & {name for name, _ in said(listening)}
     for name in ("mesh_error", "structural_resonance"):
         assert "when the axis was new" in listening.not_examined[name]
@@ -136,7 +136,7 @@ def test_one_recording_alone_leaves_both_open_and_says_what_would_tell() -> None
 
 
 def test_another_speed_is_not_compared_and_both_speeds_are_told() -> None:
-    listening = listen_alone(AXIS, [heard(7, turns_per_s=15.0, louder={"output": 5.0})], [AS_NEW])
+    listening = sound_alone(AXIS, [heard(7, turns_per_s=15.0, louder={"output": 5.0})], [AS_NEW])
     assert "record the same motion" in listening.not_examined["mesh_error"]
     assert "15 times" in listening.not_examined["mesh_error"]
     assert "mesh_error" not in {name for name, _ in said(listening)}
@@ -146,9 +146,9 @@ def test_several_recordings_add_up_and_one_without_speaks_against() -> None:
     with_it = [heard(seed, louder={"transfer": 3.0}) for seed in (8, 9)]
 
     def sure(sounds: list[Recording]) -> float:
-        return sum(h.probability for h in listen_alone(AXIS, sounds, [AS_NEW]).heard if h.mechanism == "mesh_error")
+        return sum(h.probability for h in sound_alone(AXIS, sounds, [AS_NEW]).heard if h.mechanism == "mesh_error")
 
-    mixed = listen_alone(AXIS, [with_it[0], heard(10)], [AS_NEW])
+    mixed = sound_alone(AXIS, [with_it[0], heard(10)], [AS_NEW])
     assert sure([with_it[0], heard(10)]) < sure(with_it[:1]) < sure(with_it)
     assert any("contradict" in remark for remark in mixed.remarks)
 
@@ -156,16 +156,16 @@ def test_several_recordings_add_up_and_one_without_speaks_against() -> None:
 def test_the_least_growth_over_several_as_new_counts() -> None:
     """What one as-new recording had already is as new."""
     now, before = heard(11, loose=True), heard(12, loose=True)
-    assert said(listen_alone(AXIS, [now], [AS_NEW])) == [("structural_resonance", None)]
-    assert said(listen_alone(AXIS, [now], [AS_NEW, before])) == []
+    assert said(sound_alone(AXIS, [now], [AS_NEW])) == [("structural_resonance", None)]
+    assert said(sound_alone(AXIS, [now], [AS_NEW, before])) == []
 
 
 def test_each_recording_as_new_speaks_for_itself() -> None:
     """Over one of them both gears have grown alike, so that neither has more than the other."""
     now = heard(21, louder={"transfer": 5.0, "output": 5.0})
     partly = heard(22, louder={"output": 5.0})
-    assert said(listen_alone(AXIS, [now], [partly])) == [("mesh_error", "transfer")]
-    assert said(listen_alone(AXIS, [now], [partly, AS_NEW])) == []
+    assert said(sound_alone(AXIS, [now], [partly])) == [("mesh_error", "transfer")]
+    assert said(sound_alone(AXIS, [now], [partly, AS_NEW])) == []
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_each_recording_as_new_speaks_for_itself() -> None:
 )
 def test_length_stroke_and_sample_rate_are_no_growth(now: dict[str, float], before: dict[str, float]) -> None:
     """Noise over fewer cruises, lines of longer ones and lines beyond what one recording holds do not count."""
-    listening = listen_alone(AXIS, [heard(23, **now)], [heard(24, **before)])  # type: ignore[arg-type]
+    listening = sound_alone(AXIS, [heard(23, **now)], [heard(24, **before)])  # type: ignore[arg-type]
     assert said(listening) == []
     assert "mesh_error" in listening.examined
     if "rate" in before:
@@ -190,7 +190,7 @@ def test_length_stroke_and_sample_rate_are_no_growth(now: dict[str, float], befo
 def test_a_speed_that_is_only_described_is_not_compared() -> None:
     described = read_axis({**AXIS.to_mapping(), "motion": {"load_speed_rad_s": 25.0 * 2.0 * math.pi / AXIS.ratio}})
     silent = {"transfer": 0.0, "output": 0.0}
-    listening = listen_alone(described, [heard(25)], [heard(26, louder=silent)])
+    listening = sound_alone(described, [heard(25)], [heard(26, louder=silent)])
     assert "mesh_error" not in {name for name, _ in said(listening)}
     assert "heard as a line as new" in listening.not_examined["mesh_error"]
 
@@ -202,9 +202,9 @@ def test_another_gearbox_makes_a_remark() -> None:
     )
     envelope = np.repeat(np.abs(AS_NEW.samples[: SECONDS * RATE].reshape(-1, 80)).max(axis=1), 80)
     stranger = Recording(np.asarray(other * envelope, dtype=np.float32), float(RATE))
-    remarks = listen_alone(AXIS, [heard(14)], [stranger]).remarks
+    remarks = sound_alone(AXIS, [heard(14)], [stranger]).remarks
     assert any("another gearbox" in remark for remark in remarks)
-    assert not any("another gearbox" in remark for remark in listen_alone(AXIS, [heard(14)], [AS_NEW]).remarks)
+    assert not any("another gearbox" in remark for remark in sound_alone(AXIS, [heard(14)], [AS_NEW]).remarks)
 
 
 @pytest.mark.parametrize("samples", [np.zeros(400), np.zeros(RATE), np.random.default_rng(1).normal(size=3 * RATE)])
@@ -224,9 +224,9 @@ def test_a_gear_without_tooth_numbers_and_an_axis_without_a_gear_are_told() -> N
             "load": {"inertia_kg_m2": 40},
         }
     )
-    assert "no tooth numbers" in listen_alone(toothless, [heard(16)], [AS_NEW]).not_examined["mesh_error"]
+    assert "no tooth numbers" in sound_alone(toothless, [heard(16)], [AS_NEW]).not_examined["mesh_error"]
     direct = read_axis({"motor": {"inertia_kg_m2": 0.3}, "load": {"inertia_kg_m2": 1.0}})
-    listening = listen_alone(direct, [heard(17, loose=True)], [AS_NEW])
+    listening = sound_alone(direct, [heard(17, loose=True)], [AS_NEW])
     assert "no gear" in listening.not_examined["mesh_error"]
     assert ("structural_resonance", None) in said(listening)
 
@@ -244,9 +244,9 @@ def struck(recording: Recording, seed: int, place_s: float = 0.8) -> Recording:
 
 def test_impacts_where_all_teeth_have_grown_louder_stay_with_them() -> None:
     """Thuds at one place of every other stroke are a damaged tooth; where all teeth of a gear are louder, maybe not."""
-    alone = listen_alone(AXIS, [struck(heard(18), 18)], [AS_NEW])
+    alone = sound_alone(AXIS, [struck(heard(18), 18)], [AS_NEW])
     assert said(alone) == [("tooth_damage", "output")]
-    both = listen_alone(AXIS, [struck(heard(18, louder={"transfer": 5.0}), 18)], [AS_NEW])
+    both = sound_alone(AXIS, [struck(heard(18, louder={"transfer": 5.0}), 18)], [AS_NEW])
     assert said(both) == [("mesh_error", "transfer")]
     assert both.heard[0].indistinguishable_from == ("tooth_damage",)
     assert any("Impacts as of tooth damage" in remark for remark in both.remarks)
@@ -255,5 +255,5 @@ def test_impacts_where_all_teeth_have_grown_louder_stay_with_them() -> None:
 @pytest.mark.parametrize(("place_s", "named"), [(0.8, []), (1.1, [("tooth_damage", "output")])])
 def test_an_impact_that_was_there_as_new_is_no_fault(place_s: float, named: list[tuple[str, str]]) -> None:
     """At the same place of the travel; one at another place is new."""
-    listening = listen_alone(AXIS, [struck(heard(18), 18, place_s)], [struck(heard(20), 20)])
+    listening = sound_alone(AXIS, [struck(heard(18), 18, place_s)], [struck(heard(20), 20)])
     assert said(listening) == named

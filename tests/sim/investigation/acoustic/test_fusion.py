@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from signals.recording import Recording
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
-from sim.investigation.acoustic.evidence import AcousticFinding, Listening, probability
-from sim.investigation.acoustic.fusion import beside, listen, listen_alone
-from sim.investigation.acoustic.synchrony import mismatch
+from sim.investigation.acoustic.evidence import AcousticFinding, AcousticResult, probability
+from sim.investigation.acoustic.fusion import not_named_yet, sound_alone, sound_beside_telemetry
+from sim.investigation.acoustic.recording_quality import mismatch
 from sim.investigation.data.preprocessing import Measurement, prepare
 from sim.investigation.investigate import investigate
 
@@ -77,18 +77,18 @@ def passes(angle: float, forward: bool) -> Array:
 
 
 def found(axis: Axis, sound: Recording, m: Measurement | None, offset_s: float) -> tuple[AcousticFinding, ...]:
-    return listen(axis, sound, m, offset_s)[0]
+    return sound_beside_telemetry(axis, sound, m, offset_s)[0]
 
 
-def hear(*sounds: Array) -> Listening:
-    return listen_alone(AXIS, [recording(sound) for sound in sounds])
+def hear(*sounds: Array) -> AcousticResult:
+    return sound_alone(AXIS, [recording(sound) for sound in sounds])
 
 
 def recording(sound: Array) -> Recording:
     return Recording(samples=sound.astype(np.float32), sample_rate_hz=float(RATE), channel=0, channels=1)
 
 
-def names(listened: Listening) -> list[str]:
+def names(listened: AcousticResult) -> list[str]:
     return [h.mechanism for h in listened.heard]
 
 
@@ -123,7 +123,7 @@ def swelling(seed: int) -> Array:
 def test_what_is_of_no_order_and_no_hum_is_left_without_a_name(added: Array, kind: str) -> None:
     """A line by itself hides the standstills, and then the motion is heard beside it."""
     alone = investigate(AXIS, None, recording(running(5) + added))
-    beside_telemetry = listen(AXIS, recording(running(5) + added), measured(0.0), 0.0)[1]
+    beside_telemetry = sound_beside_telemetry(AXIS, recording(running(5) + added), measured(0.0), 0.0)[1]
     assert alone.verdict == "unnamed"
     for left in (alone.unexplained, beside_telemetry):
         assert left is not None
@@ -211,10 +211,10 @@ def measured(offset_rad: float) -> Measurement:
 def test_beside_telemetry_no_name_is_said_twice_and_none_against_an_encoder() -> None:
     tooth = AcousticFinding("tooth_damage", None, 0.95, {}, "")
     bearing = AcousticFinding("bearing_defect", None, 0.95, {"order": (4.37, 4.35, 4.39)}, "")
-    assert beside(["tooth_damage"], [tooth, bearing], load_encoder=False) == (bearing,)
-    assert beside([], [tooth, bearing], load_encoder=True) == (bearing,)
-    assert beside([], [tooth], load_encoder=False) == (tooth,)
-    assert beside(["backlash"], [tooth], load_encoder=False) == ()
+    assert not_named_yet(["tooth_damage"], [tooth, bearing], load_encoder=False) == (bearing,)
+    assert not_named_yet([], [tooth, bearing], load_encoder=True) == (bearing,)
+    assert not_named_yet([], [tooth], load_encoder=False) == (tooth,)
+    assert not_named_yet(["backlash"], [tooth], load_encoder=False) == ()
 
 
 def test_the_document_says_what_is_out_of_reach_and_is_the_same_each_time() -> None:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from signals.recording import Recording
 from sim.description.axis_document import read_axis
-from sim.investigation.acoustic.evidence import Listening
-from sim.investigation.acoustic.fusion import listen_alone
+from sim.investigation.acoustic.evidence import AcousticResult
+from sim.investigation.acoustic.fusion import sound_alone
 
 Array = NDArray[np.float64]
 RATE = 8000
@@ -74,15 +74,15 @@ def each_turn(order: float) -> Array:
     return np.asarray(TIME[np.flatnonzero(np.diff(np.floor(TURNS * order)))])
 
 
-def hear(sound: Array) -> Listening:
-    return listen_alone(AXIS, [recording(sound)])
+def hear(sound: Array) -> AcousticResult:
+    return sound_alone(AXIS, [recording(sound)])
 
 
 def recording(sound: Array) -> Recording:
     return Recording(samples=sound.astype(np.float32), sample_rate_hz=float(RATE), channel=0, channels=1)
 
 
-def named(listened: Listening) -> list[tuple[str, str | None]]:
+def named(listened: AcousticResult) -> list[tuple[str, str | None]]:
     return [(h.mechanism, h.location) for h in listened.heard]
 
 
@@ -108,7 +108,7 @@ def test_impacts_at_one_angle_are_a_tooth_of_the_output_gear(angle: float, forwa
 def test_teeth_that_are_as_new_leave_impacts_to_a_damaged_one() -> None:
     crossed = np.flatnonzero((ANGLE[:-1] - 1.4) * (ANGLE[1:] - 1.4) < 0.0)
     now = recording(struck(running(5), TIME[crossed[LOAD_SPEED[crossed] > 0.0]], 70.0, 0.4))
-    heard = listen_alone(AXIS, [now], [recording(running(6))])
+    heard = sound_alone(AXIS, [now], [recording(running(6))])
     assert named(heard) == [("tooth_damage", "output")]
     assert heard.heard[0].indistinguishable_from == ()
 

@@ -32,7 +32,7 @@ SHEET: dict[str, dict[str, float]] = {
 GOOD = geared(0.15, 10.0, 15.0, 1e4, 1)
 
 
-def gate(
+def data_check(
     table: str = "motor", key: str = "inertia_kg_m2", factor: float = 1.0, telemetry: Telemetry = GOOD
 ) -> DataCheck:
     sheet = copy.deepcopy(SHEET)
@@ -43,7 +43,7 @@ def gate(
 
 def said(table: str, key: str, factor: float) -> str:
     try:
-        return " ".join(gate(table, key, factor).remarks)
+        return " ".join(data_check(table, key, factor).remarks)
     except InvestigationError as error:
         return str(error)
 
@@ -103,7 +103,7 @@ def test_a_description_with_nothing_but_inertias_passes() -> None:
 def test_the_channel_in_another_unit_is_the_one_that_is_blamed(channels: dict[str, float], words: str) -> None:
     scaled = {name: factor * GOOD[name] for name, factor in channels.items()}
     with pytest.raises(InvestigationError, match=words):
-        gate(telemetry=replace(GOOD, channels={**GOOD.channels, **scaled}))
+        data_check(telemetry=replace(GOOD, channels={**GOOD.channels, **scaled}))
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_the_channel_in_another_unit_is_the_one_that_is_blamed(channels: dict[st
 def test_swapped_channels_are_both_named(one: str, other: str) -> None:
     swapped = {**GOOD.channels, one: GOOD[other], other: GOOD[one]}
     with pytest.raises(InvestigationError, match="swapped") as refused:
-        gate(telemetry=replace(GOOD, channels=swapped))
+        data_check(telemetry=replace(GOOD, channels=swapped))
     assert one in str(refused.value)
     assert other in str(refused.value)
 
@@ -126,7 +126,7 @@ def test_swapped_channels_are_both_named(one: str, other: str) -> None:
 def test_an_angle_that_is_cut_at_each_turn_is_to_be_unwrapped(turn: float) -> None:
     angle = np.mod(GOOD["motor_position_rad"] * turn / (2 * np.pi), turn)
     with pytest.raises(InvestigationError, match="unwrap"):
-        gate(telemetry=replace(GOOD, channels={**GOOD.channels, "motor_position_rad": angle}))
+        data_check(telemetry=replace(GOOD, channels={**GOOD.channels, "motor_position_rad": angle}))
 
 
 @pytest.mark.parametrize(("stiffness", "refused"), [(4e4, False), (8e4, False), (4e7, True)])
@@ -154,7 +154,7 @@ def test_a_load_that_reads_zero_for_a_while_is_not_wrapped() -> None:
     top = int(np.argmax(load))
     load[top : top + 50] = 0.0
     with pytest.raises(InvestigationError) as refused:  # the ratio is no longer right
-        gate(telemetry=replace(GOOD, channels={**GOOD.channels, "load_position_rad": load}))
+        data_check(telemetry=replace(GOOD, channels={**GOOD.channels, "load_position_rad": load}))
     assert "wrapped" not in str(refused.value)
 
 

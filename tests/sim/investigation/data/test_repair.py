@@ -35,12 +35,12 @@ def changed(**channels: Array) -> Telemetry:
 @pytest.mark.parametrize("slip", [2e-4, -1e-3, 2e-2])
 def test_a_load_encoder_that_slips_is_named_and_put_back(slip: float) -> None:
     after = np.arange(GOOD.rows) >= ROW
-    gate = examine(AXIS, changed(load_position_rad=GOOD["load_position_rad"] + slip * after))
-    (fault,) = gate.faults
+    data_check = examine(AXIS, changed(load_position_rad=GOOD["load_position_rad"] + slip * after))
+    (fault,) = data_check.faults
     assert (fault.mechanism, fault.location) == ("encoder_error", "load")
     assert fault.parameters["slip_rad"] == pytest.approx(slip, abs=2e-5)
     assert fault.parameters["time_s"] == pytest.approx(ROW / 1000)
-    mended, whole = gate.measurement.load_angle, examine(AXIS, GOOD).measurement.load_angle
+    mended, whole = data_check.measurement.load_angle, examine(AXIS, GOOD).measurement.load_angle
     assert mended is not None
     assert whole is not None
     assert np.abs(mended - whole).max() < 2e-5
@@ -80,13 +80,13 @@ def test_single_values_of_the_torque_are_left_out_and_named(size: float) -> None
     torque = GOOD["motor_torque_nm"].copy()
     rows = [2000, 5000, 7000, 9001]
     torque[rows] += size
-    gate = examine(AXIS, changed(motor_torque_nm=torque))
-    (fault,) = gate.faults
+    data_check = examine(AXIS, changed(motor_torque_nm=torque))
+    (fault,) = data_check.faults
     assert (fault.mechanism, fault.location) == ("lost_samples", "motor")
     assert fault.parameters["fraction"] * GOOD.rows == pytest.approx(4)
     assert "4 values" in fault.explanation
     assert "at 2, 5, 7, 9.001 s" in fault.explanation
-    difference = gate.measurement.torque - examine(AXIS, GOOD).measurement.torque
+    difference = data_check.measurement.torque - examine(AXIS, GOOD).measurement.torque
     assert np.abs(difference).max() < 0.5  # of 500, had it been smoothed
 
 
@@ -94,12 +94,12 @@ def test_single_values_of_the_torque_are_left_out_and_named(size: float) -> None
 def test_a_torque_that_drops_to_zero_is_lost(rows: int) -> None:
     torque = GOOD["motor_torque_nm"].copy()
     torque[ROW : ROW + rows] = 0.0
-    gate = examine(AXIS, changed(motor_torque_nm=torque))
-    (fault,) = gate.faults
+    data_check = examine(AXIS, changed(motor_torque_nm=torque))
+    (fault,) = data_check.faults
     assert (fault.mechanism, fault.location) == ("lost_samples", "motor")
     assert fault.parameters["fraction"] == pytest.approx(rows / GOOD.rows, abs=1.5 / GOOD.rows)  # one lies half in
-    at = np.abs(gate.measurement.time_s - (ROW + 0.5 * rows) / 1000) < 0.4 * rows / 1000
-    assert not gate.measurement.weight[at].any()
+    at = np.abs(data_check.measurement.time_s - (ROW + 0.5 * rows) / 1000) < 0.4 * rows / 1000
+    assert not data_check.measurement.weight[at].any()
 
 
 @pytest.mark.parametrize("channel", ["load_position_rad", "motor_position_rad"])
@@ -161,6 +161,6 @@ def test_short_runs_of_lost_rows_are_one_finding_of_their_true_share(hold: bool)
         lost[first : first + int(rng.integers(1, 9))] = True
     rows = np.maximum.accumulate(np.where(lost, 0, np.arange(t.size))) if hold else np.flatnonzero(~lost)
     channels = {"motor_torque_nm": torque[rows], "motor_position_rad": (np.round(angle / step) * step)[rows]}
-    gate = examine(BODY, Telemetry(t if hold else t[rows], channels))
-    assert [(f.mechanism, f.location) for f in gate.faults] == [("lost_samples", None)]
-    assert gate.faults[0].parameters["fraction"] == pytest.approx(float(lost.mean()), rel=0.1)
+    data_check = examine(BODY, Telemetry(t if hold else t[rows], channels))
+    assert [(f.mechanism, f.location) for f in data_check.faults] == [("lost_samples", None)]
+    assert data_check.faults[0].parameters["fraction"] == pytest.approx(float(lost.mean()), rel=0.1)

@@ -27,8 +27,8 @@ def changed(telemetry: Telemetry, **channels: object) -> Telemetry:
 
 
 def test_a_sound_record_passes_without_fault() -> None:
-    gate = examine(AXIS, one_body(0.3, 1.0, 0.0, 1))
-    assert gate.faults == ()
+    data_check = examine(AXIS, one_body(0.3, 1.0, 0.0, 1))
+    assert data_check.faults == ()
 
 
 @pytest.mark.parametrize(

@@ -113,3 +113,14 @@ def test_one_noise_whitens_signals_of_any_length() -> None:
         mirrored = np.concatenate([values[taps.size - 1 : 0 : -1], values])
         expected = lfilter(taps, [1.0], mirrored)[taps.size - 1 :]
         assert noise.whiten(values, np.zeros(0)) == pytest.approx(expected, abs=1e-9)
+
+
+def test_noise_that_is_also_wrong_as_a_whole_is_white_again() -> None:
+    """Whitened, w + u g has covariance I; the log of its volume is that of I + g g^T."""
+    rng = np.random.default_rng(5)
+    unsure = rng.standard_normal((400, 3)) * [0.2, 1.0, 0.05]
+    noise = Noise.flat(0.5, 1.0).with_inflated_prior(unsure)
+    whole = 0.25 * np.eye(400) + unsure @ unsure.T
+    white = np.stack([noise.whiten(column, np.zeros(0)) for column in np.linalg.cholesky(whole).T], axis=1)
+    assert white @ white.T == pytest.approx(np.eye(400), abs=1e-3)
+    assert noise.log_scale(400, 0) == pytest.approx(np.linalg.slogdet(whole)[1], rel=1e-3)

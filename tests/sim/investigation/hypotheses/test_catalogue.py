@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sim.description.axis_document import read_axis
-from sim.investigation.hypotheses.catalogue import beyond_doubts, torque_carried
+from sim.investigation.hypotheses.catalogue import shown_despite_doubts, torque_carried
 from sim.investigation.hypotheses.structure import gravity
 
 
@@ -37,6 +37,6 @@ def test_a_weight_matters_beyond_what_masses_may_be_off_by() -> None:
     """Two ways in which a known torque may be wrong by 0.3 and 0.4 N m; and none."""
     weight = gravity(10.0, 0)
     wrong = np.tile([0.3, 0.4], (100, 1))
-    told = beyond_doubts(weight, cast(Any, SimpleNamespace(doubts=wrong)), 2.0)
+    told = shown_despite_doubts(weight, cast(Any, SimpleNamespace(doubts=wrong)), 2.0)
     assert told.size == pytest.approx(max(weight.size, 1.0))
-    assert beyond_doubts(weight, cast(Any, SimpleNamespace(doubts=np.zeros((0, 0)))), 2.0) == weight
+    assert shown_despite_doubts(weight, cast(Any, SimpleNamespace(doubts=np.zeros((0, 0)))), 2.0) == weight

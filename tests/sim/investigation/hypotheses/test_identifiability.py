@@ -17,7 +17,7 @@ from sim.investigation.data.excitation import Excitation
 from sim.investigation.hypotheses.identifiability import ALONE, passed_slowly, shown
 from sim.investigation.investigate import investigate
 from sim.investigation.pooling.joint_investigation import investigate_together
-from sim.investigation.pooling.pooled_estimates import Taken
+from sim.investigation.pooling.pooled_estimates import NamedRecording
 from sim.investigation.results import Estimate
 from sim.mechanisms.mechanism import Need
 
@@ -60,7 +60,7 @@ def test_one_way_dry_friction_is_one_of_three_names() -> None:
 
 
 def test_two_records_that_lack_the_same_are_no_surer() -> None:
-    both = investigate_together(BARE, [Taken(f"{k}.csv", one_way(seed=k)) for k in (1, 2)]).combined
+    both = investigate_together(BARE, [NamedRecording(f"{k}.csv", one_way(seed=k)) for k in (1, 2)]).combined
     assert {f.mechanism: f.probability for f in both.findings}["coulomb_friction"] == ALONE
 
 

@@ -27,7 +27,7 @@ from sim.investigation.pooling.log_odds import (
     probability,
     silent,
 )
-from sim.investigation.pooling.pooled_estimates import Taken, pooled_estimate
+from sim.investigation.pooling.pooled_estimates import NamedRecording, pooled_estimate
 from sim.investigation.pooling.recording_evidence import weighed
 from sim.investigation.results import Estimate, Finding
 from tests.sim.investigation.test_investigation import axis
@@ -143,7 +143,9 @@ def rise(size: float = 0.6) -> Array:
 
 @pytest.fixture(scope="module")
 def friction() -> Together:
-    taken = [Taken(name, one_body(0.3, 1.0, 0.02, seed)) for name, seed in (("monday.csv", 5), ("friday.csv", 6))]
+    taken = [
+        NamedRecording(name, one_body(0.3, 1.0, 0.02, seed)) for name, seed in (("monday.csv", 5), ("friday.csv", 6))
+    ]
     return investigate_together(axis(coulomb=0.0, viscous=0.0, inertia=0.29), taken)
 
 
@@ -173,15 +175,15 @@ def test_the_extended_axis_leaves_nothing_to_find_in_any(friction: Together) -> 
     extended = read_axis(friction.document()["extended_axis"])  # type: ignore[arg-type]
     assert extended.motor.coulomb_friction_n_m == pytest.approx(1.0, rel=0.05)
     for part in friction.parts:
-        assert investigate(extended, part.taken.telemetry).verdict == "nothing_missing"
+        assert investigate(extended, part.recording.telemetry).verdict == "nothing_missing"
 
 
 def test_a_recording_that_would_have_seen_it_speaks_against_it_and_a_noisy_one_does_not() -> None:
     worn, good = one_body(0.3, 1.0, 0.02, 6, extra=rise()), one_body(0.3, 1.0, 0.02, 7)
     noisy = one_body(0.3, 1.0, 0.02, 8, noise_n_m=20.0)
     alone = investigate(axis(), worn).findings[0].probability
-    seen = investigate_together(axis(), [Taken("worn", worn), Taken("good", good)]).combined
-    unseen = investigate_together(axis(), [Taken("worn", worn), Taken("noisy", noisy)]).combined
+    seen = investigate_together(axis(), [NamedRecording("worn", worn), NamedRecording("good", good)]).combined
+    unseen = investigate_together(axis(), [NamedRecording("worn", worn), NamedRecording("noisy", noisy)]).combined
     assert seen.findings[0].probability < alone
     assert any("against it: good" in remark for remark in seen.remarks)
     assert unseen.findings[0].probability == pytest.approx(alone, abs=0.05)
@@ -191,7 +193,7 @@ def test_a_recording_that_would_have_seen_it_speaks_against_it_and_a_noisy_one_d
 def test_a_fault_of_one_recording_stays_with_it() -> None:
     """An offset of the torque sensor in one of two is said with its recording and is no part of the axis."""
     biased, good = one_body(0.3, 1.0, 0.02, 5, extra=0.5), one_body(0.3, 1.0, 0.02, 6)
-    result = investigate_together(axis(), [Taken("biased", biased), Taken("good", good)])
+    result = investigate_together(axis(), [NamedRecording("biased", biased), NamedRecording("good", good)])
     (finding,) = result.combined.findings
     assert finding.mechanism == "torque_offset"
     assert finding.explanation.startswith("In biased: ")
@@ -226,7 +228,7 @@ def test_what_one_speed_leaves_open_several_tell() -> None:
     runs = [steady(speed, seed) for seed, speed in enumerate((3.0, 9.0, -3.0, -9.0))]
     alone = investigate(bare, runs[0])
     assert [(f.mechanism, f.probability) for f in alone.findings] == [("coulomb_friction", 0.5)]
-    (found,) = investigate_together(bare, [Taken(str(k), run) for k, run in enumerate(runs)]).combined.findings
+    (found,) = investigate_together(bare, [NamedRecording(str(k), run) for k, run in enumerate(runs)]).combined.findings
     assert found.mechanism == "coulomb_friction"
     assert found.probability > 0.9
     assert found.indistinguishable_from == ()
@@ -238,7 +240,7 @@ def test_a_ripple_that_other_speeds_do_not_show_is_no_ripple() -> None:
     (alone,) = [f for f in investigate(axis(), runs[0]).findings if f.mechanism == "torque_ripple"]
     assert alone.probability <= 0.5
     assert "electrical_hum" in alone.indistinguishable_from
-    together = investigate_together(axis(), [Taken(str(k), run) for k, run in enumerate(runs)]).combined
+    together = investigate_together(axis(), [NamedRecording(str(k), run) for k, run in enumerate(runs)]).combined
     assert all(f.probability < 0.5 for f in together.findings if f.mechanism == "torque_ripple")
 
 
@@ -246,6 +248,6 @@ def test_a_bad_recording_among_good_ones_is_named() -> None:
     good, still = one_body(0.3, 1.0, 0.02, 5), one_body(0.3, 1.0, 0.02, 6)
     still.channels["motor_position_rad"][:] = 0.5
     with pytest.raises(InvestigationError, match=r"^still.csv: .*stands still"):
-        investigate_together(axis(), [Taken("good.csv", good), Taken("still.csv", still)])
+        investigate_together(axis(), [NamedRecording("good.csv", good), NamedRecording("still.csv", still)])
     with pytest.raises(InvestigationError, match=r"^b: holds the same values as a"):
-        investigate_together(axis(), [Taken("a", good), Taken("b", good)])
+        investigate_together(axis(), [NamedRecording("a", good), NamedRecording("b", good)])

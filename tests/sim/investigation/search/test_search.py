@@ -19,7 +19,7 @@ from sim.description.axis_document import read_axis
 from sim.investigation.data.preprocessing import Measurement, prepare
 from sim.investigation.data.validation import examine
 from sim.investigation.estimation.problem import Problem
-from sim.investigation.estimation.refit import calibrate, look_closely
+from sim.investigation.estimation.refit import calibrate, with_slow_noise
 from sim.investigation.estimation.whitening import Noise
 from sim.investigation.hypotheses.catalogue import terms_of
 from sim.investigation.hypotheses.hypothesis import Key
@@ -27,7 +27,7 @@ from sim.investigation.investigate import investigate
 from sim.investigation.model.effects import swing
 from sim.investigation.search.residual_proposals import line_of
 from sim.investigation.search.score_test import least_squares_within
-from sim.investigation.search.search import unmasked
+from sim.investigation.search.search import select_hidden
 from sim.mechanisms.mechanism import LEAST_GAIN
 
 
@@ -97,8 +97,8 @@ def test_a_small_cause_under_slow_noise_is_found_once_noise_is_taken_from_its_ow
     axis = read_axis({"motor": {"inertia_kg_m2": 0.01, **rubs}, "load": {"inertia_kg_m2": 1e-9}})
     channels = {"motor_torque_nm": torque, "motor_position_rad": angle + 1e-6 * rng.standard_normal(time.size)}
     measured = examine(axis, Telemetry(time, channels)).measurement
-    problem, fit = look_closely(*calibrate(Problem(axis, measured, Noise.flat(0.1, 1.0))))
-    _, entry = unmasked(problem, fit, {})
+    problem, fit = with_slow_noise(*calibrate(Problem(axis, measured, Noise.flat(0.1, 1.0))))
+    _, entry = select_hidden(problem, fit, {})
     if not weight_n_m:
         assert not entry.new
         return
