@@ -2,8 +2,8 @@
 
 Each feature is scaled by its spread within the labels, moderated as in `casebase.reasoning.novelty`, and multiplied by
 the root of its prior weight (`casebase.reasoning.priors`; even where the machine does not move to and fro): the penalty
-on the coefficients is then a normal prior whose variance is that weight, so physics decides where the cases do not. How
-strong the prior is, is chosen by the likelihood of gearboxes left out. The data leave the coefficients uncertain, so
+on the coefficients is then a normal prior whose variance is that weight, so physics decides where the cases do not.
+The data leave the coefficients uncertain, so
 log odds shrink with the variance that this gives them: the regression is less sure where it has no cases. A feature
 that a recording does not have counts as a usual one. From the answers to cases left out come
 
@@ -145,8 +145,8 @@ class Classifier:
         self._points = self._scaled(values)
         self._truth = np.searchsorted(self.classes, labels)
         self._sounds = table.sounds[self.rows]
-        self.held_out, self.strength = self._chosen(table.parts[self.rows])
-        self._fit = _Regression.of(self._points, self._truth, self.strength)
+        self.held_out = self._held_out(table.parts[self.rows])
+        self._fit = _Regression.of(self._points, self._truth)
 
     def labels(self, without: Sequence[int] = ()) -> tuple[str, ...]:
         """Return the labels of the cases that count, but for some rows of the table."""
@@ -160,7 +160,7 @@ class Classifier:
             without: rows of the table that do not count, for they are the same recording.
         """
         seen = ~np.isin(self.rows, without)
-        fit = self._fit if seen.all() else _Regression.of(self._points[seen], self._truth[seen], self.strength)
+        fit = self._fit if seen.all() else _Regression.of(self._points[seen], self._truth[seen])
         return np.asarray(fit.shares(self._scaled(values)[None], len(self.classes))[0], np.float64)
 
     def superposed(self, values: NDArray[np.floating], first: str, second: str, normal: Sequence[str]) -> float:
@@ -180,27 +180,19 @@ class Classifier:
         one, other = (each[spread_out(np.arange(len(pairs[0])), LARGEST_SAMPLE)] for each in pairs)
         both = np.where(np.abs(other - center) > np.abs(one - center), other, one)
         truth = np.repeat([0, 1], [len(ones), len(both)])
-        fit = _Regression.of(np.concatenate([ones, both]), truth, self.strength)
+        fit = _Regression.of(np.concatenate([ones, both]), truth)
         return float(fit.shares(self._scaled(values)[None], 2)[0, 1])
 
     def _scaled(self, values: NDArray[np.floating]) -> Floats:
         return np.asarray(np.nan_to_num(self._metric.scaled(values)) * self._roots)
 
-    def _chosen(self, parts: NDArray[np.intp]) -> tuple[HeldOut, float]:
-        """Return what is said of cases left out by the strength under which they are most probable."""
-        tried = [(self._held_out(parts, strength), strength) for strength in TUNING.strengths]
-        known = [(float(held_out.losses().mean()), -strength) for held_out, strength in tried if held_out.truth.size]
-        if not known:
-            return tried[0][0], TUNING.usual_strength
-        return next(each for each in tried if each[1] == -min(known)[1])
-
-    def _held_out(self, parts: NDArray[np.intp], strength: float) -> HeldOut:
+    def _held_out(self, parts: NDArray[np.intp]) -> HeldOut:
         shares = np.full((self.rows.size, len(self.classes)), np.nan)
         for part in np.unique(parts):
             asked = parts == part
             seen = ~asked & ~np.isin(self._sounds, self._sounds[asked])
             if np.unique(self._truth[seen]).size > 1:
-                fit = _Regression.of(self._points[seen], self._truth[seen], strength)
+                fit = _Regression.of(self._points[seen], self._truth[seen])
                 shares[asked] = fit.shares(self._points[asked], len(self.classes))
         known = np.isfinite(shares).all(axis=1)
         return HeldOut(self.classes, self.rows[known], shares[known], self._truth[known])
@@ -221,13 +213,13 @@ class _Regression:
     covariances: Floats
 
     @classmethod
-    def of(cls, points: Floats, truth: NDArray[np.intp], strength: float) -> "_Regression":
+    def of(cls, points: Floats, truth: NDArray[np.intp]) -> "_Regression":
         """Fit it: every label counts the same; the covariance is Laplace's, of one label against the rest."""
         from sklearn.linear_model import LogisticRegression  # slow to import
 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            fit = LogisticRegression(C=strength, class_weight="balanced", max_iter=300).fit(points, truth)
+            fit = LogisticRegression(C=TUNING.strength, class_weight="balanced", max_iter=300).fit(points, truth)
         labels, counts = np.unique(truth, return_counts=True)
         weights = np.concatenate([fit.intercept_[:, None], fit.coef_], axis=1).T
         if labels.size == 2:  # one set of coefficients tells two labels apart
@@ -235,7 +227,7 @@ class _Regression:
         table = _with_one(points)
         shares = special.softmax(table @ weights, axis=1)
         balanced = (truth.size / (labels.size * counts))[np.searchsorted(labels, truth)]
-        precision = np.diag(np.concatenate([[1e-2], np.full(points.shape[1], 1 / strength)]))
+        precision = np.diag(np.concatenate([[1e-2], np.full(points.shape[1], 1 / TUNING.strength)]))
         information = [(table * (balanced * share * (1 - share))[:, None]).T @ table for share in shares.T]
         return cls(labels, weights, np.linalg.inv(np.array(information) + precision))
 

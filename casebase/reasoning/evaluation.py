@@ -19,8 +19,6 @@ from signals.recording_quality.quality import Severity
 COVERAGE = 0.95
 FOLDS = 10
 MOST_TESTED = 400
-MOST_KNOWN = 20_000
-"""A larger library is evaluated by so many of its cases: of each label and origin as many, evenly spread."""
 RIGHT = (
     "the answer is the case's label: an ambiguous answer counts by its most probable label, and not_in_library is "
     "never right of a class that the library has"
@@ -93,7 +91,7 @@ class Evaluation:
         said: of those called `diagnosed`, how many were right.
         called_new: cases of known classes called `not_in_library`.
         cases: how many were diagnosed.
-        known: how many cases the library was, those that were left out included; see MOST_KNOWN.
+        known: how many cases the library was, those that were left out included.
         confusion: true label -> answered label -> case ids; `not_in_library` is a column.
         left_out: per class, how many of its cases are called new by a library without that class.
         without_simulated: the same cases by the measured ones alone; None unless simulated ones were learned from too.
@@ -172,11 +170,6 @@ def evaluate(
         raise InvalidRequestError(f"group must be one of {', '.join(GROUPS)}, got {group!r}")
     if origin not in ("measured", "simulated", "both"):
         raise InvalidRequestError(f"origin must be measured, simulated or both, got {origin!r}")
-    if len(table) > MOST_KNOWN:
-        rows = _known(table)
-        if axis is not None:
-            rows = np.union1d(rows, np.flatnonzero(_tested(table, group, axis)))
-        table = table.take(rows)
     usable = np.ones(len(table), bool) if origin == "both" else table.origins == origin
     names, tested = _names(table, group), _tested(table, group, axis)
     outcomes: list[Outcome] = []
@@ -217,15 +210,6 @@ def _tested(table: CaseTable, group: str, axis: str | None) -> Mask:
     for wanted in kinds:
         tested[spread_out(np.flatnonzero(wanted), MOST_TESTED)] = True
     return tested
-
-
-def _known(table: CaseTable) -> NDArray[np.intp]:
-    """Return the rows of at most MOST_KNOWN cases, in order."""
-    kind = 2 * table.class_numbers + (table.origins == "measured")
-    kinds = np.unique(kind)
-    return np.sort(
-        np.concatenate([spread_out(np.flatnonzero(kind == each), MOST_KNOWN // kinds.size) for each in kinds])
-    )
 
 
 def _held_out(table: CaseTable, group: str, tested: Mask) -> list[Mask]:

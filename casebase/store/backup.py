@@ -5,7 +5,6 @@ were erased: their audio is not missing. `gearcase.db` is SQLite whatever the da
 is restored into either.
 """
 
-import hashlib
 import json
 import shutil
 import sqlite3
@@ -154,13 +153,11 @@ def restore(source: Path, data_dir: Path, database: Engine | None = None) -> int
     part = data_dir.with_name(data_dir.name + ".restoring")
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir(parents=True)
-    store = AudioStore(part / "audio")
-    count = 0
-    for sha256 in AudioStore(source / "audio").hashes():
-        store.put(AudioStore(source / "audio").path(sha256))
-        count += 1
+    kept, store = AudioStore(source / "audio"), AudioStore(part / "audio")
+    count = len([store.put(kept.path(sha256)) for sha256 in kept.hashes()])
     shutil.copy(source / DATABASE, part / DATABASE)
-    _check_same(source / DATABASE, part / DATABASE)
+    if sha256_of(source / DATABASE) != sha256_of(part / DATABASE):
+        raise BackupError(f"{DATABASE} did not arrive whole; is the disk full?")
     if database is not None:
         with _opened(part / DATABASE) as copied:
             upgrade_database(database)
@@ -171,11 +168,6 @@ def restore(source: Path, data_dir: Path, database: Engine | None = None) -> int
     part.rename(data_dir)
     sync_folder(data_dir.parent)
     return count
-
-
-def _check_same(original: Path, copy: Path) -> None:
-    if hashlib.sha256(original.read_bytes()).digest() != hashlib.sha256(copy.read_bytes()).digest():
-        raise BackupError(f"{copy.name} did not arrive whole; is the disk full?")
 
 
 def copy_rows(source: Engine, target: Engine) -> None:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from casebase.reasoning import evaluation
 from casebase.reasoning.evaluation import Proportion, evaluate
 from casebase.search.case_table import CaseTable
 from tests.casebase import made
@@ -151,16 +150,3 @@ def test_probabilities_are_calibrated_on_unseen_gearboxes() -> None:
         said += [each.probability for each in outcomes]
         right += [each.best == each.truth for each in outcomes]
     assert np.mean(said) == pytest.approx(np.mean(right), abs=0.15)
-
-
-def test_a_large_library_is_evaluated_by_as_many_of_each_label_and_in_the_folds_of_the_whole(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    table = made_table(4, gearboxes=8)
-    monkeypatch.setattr(evaluation, "MOST_KNOWN", 36)
-    result = evaluate(table)
-    assert (result.known, len(table)) == (36, 48)
-    per_class = {label: share.of for label, share in result.per_class.items()}
-    assert per_class == {"normal": 12, "notch": 12, "play": 12}
-    assert result.accuracy.value is not None
-    assert result.accuracy.value >= 0.9
