@@ -48,9 +48,9 @@ def diagnose_once(library: CaseLibrary) -> None:
     import scipy.signal  # noqa: F401 - half a second, for the first plot and the first slider
 
     from app.recordings.intake import condition_on
-    from casebase.__main__ import search_once
     from casebase.labels import PARAMETERS
     from casebase.origins import SIMULATED
+    from casebase.search.retrieval import search_once
     from signals.features import extract
     from signals.recording import Recording
     from sim.acoustics.microphone import SAMPLE_RATE_HZ

@@ -227,3 +227,10 @@ class CaseMatrix:
         groups = np.ascontiguousarray(groups, np.int16)
         rows, squares = compiled()(self._points, self.metric.weights, asked, groups, count, k, kin, own)
         return rows, np.sqrt(squares * self._factors(asked)[:, None, None])
+
+
+def search_once() -> None:
+    """Search in a library of one case."""
+    word = np.array(["x"])
+    table = CaseTable(1, "made", ("f0",), word, word, word, word, word, word, np.zeros((1, 1), np.float32))
+    CaseMatrix(table, Metric(("f0",), np.zeros(1), np.ones(1), np.ones(1))).search(np.ones(1), 1)
