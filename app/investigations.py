@@ -21,7 +21,6 @@ from app.jobs.job import Job, JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs.jobs import Jobs
 from app.recordings.intake import read_sound
 from app.report.investigation_report import investigation_report
-from app.robots import add_robot
 from casebase.axes import add_axis, find_axis
 from casebase.description import check_name
 from casebase.errors import ConflictError, NotFoundError
@@ -254,6 +253,19 @@ def accept(library: CaseLibrary, session: Session, row: StoredInvestigation) -> 
     if find_axis(session, axis.name) is None:
         add_axis(session, axis.name, row.axis_document, note=given)
     return add_axis(session, axis.name, axis.to_mapping(), note=accepted, investigation_id=row.id)
+
+
+def add_robot(
+    session: Session,
+    robot: ForeignRobot,
+    *,
+    document: Mapping[str, object] | None = None,
+    note: str | None = None,
+    investigation_id: str | None = None,
+) -> RobotRevision:
+    """Store a robot, or another `document` of it, as the next revision of its name; the same again is no new one."""
+    content = {"document": dict(robot.document if document is None else document), "urdf": robot.urdf}
+    return revisions.add(session, RobotRevision, robot.name, content, note=note, investigation_id=investigation_id)
 
 
 def investigations(library: CaseLibrary) -> JobKind:

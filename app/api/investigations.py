@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from app.api.robots import BINARY, robot_of
 from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, RobotAnswer, page_of
 from app.http.errors import Unprocessable
 from app.http.headers import chosen, location
@@ -31,7 +32,6 @@ from app.investigations import (
 )
 from app.jobs.job import Job
 from app.report.self_contained import self_contained
-from app.robots import BINARY, robot_of
 from app.service import Reading, Service, TheService
 from casebase.axes import get_axis
 from casebase.diagnoses import get_diagnosis
