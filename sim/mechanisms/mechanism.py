@@ -144,10 +144,6 @@ class Traits:
         Whitened squares that it must gain to be looked at; less where nothing else bends to it.
     least_share
         Of the squared residual: the least that it must gain, since no model has quite the form of an axis.
-    over_bending
-        What it must gain over the squares by which the description is bent beyond chance.
-    needs_no_trial
-        Share of the squared residual from which its gain needs no trial on unseen rows.
     laws
         What it is a law of.
     form_left
@@ -197,8 +193,6 @@ class Traits:
     identified_by: str | None = None
     least_gain: float = LEAST_GAIN
     least_share: float = LEAST_SHARE
-    over_bending: float = 0.0
-    needs_no_trial: float = math.inf
     laws: frozenset[Law] = frozenset()
     form_left: float = FORM_SHARE
     form_of_any: float = 0.0

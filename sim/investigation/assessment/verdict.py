@@ -175,7 +175,7 @@ def finding_of(selection: Selection, term: Term, values: Values | None = None) -
         sure, new = min(sure, there), there < REPORTED
     if new and term.traits.in_every_axis and effect_size(term, fit) < SHOWN:
         sure = min(sure, 1.0 / (1.0 + NAMES))  # every axis has some, and this record shows none
-    if same or new or is_shaken_otherwise(term, fit.terms):
+    if same or new:
         sure = min(sure, ALONE)
     return Finding(
         term.mechanism, term.location, sure, estimated, tuple(close),
@@ -183,15 +183,6 @@ def finding_of(selection: Selection, term: Term, values: Values | None = None) -
         as_new_too=new and not term.traits.in_every_axis,
         lacks=tuple(need.value for need in needs_of(term.mechanism) & missing),
     )  # fmt: skip
-
-
-def is_shaken_otherwise(term: Term, terms: Sequence[Term]) -> bool:
-    """Whether a weight or a swinging part stands beside torque at the load that has no name.
-
-    Both are known by what shakes the load alone, and of an unknown torque some part always goes along with its motion.
-    """
-    unknown = (t for t in terms if not (t.named or t.traits.in_every_axis))
-    return term.traits.shakes_load and any(t.location == "load" for t in unknown)
 
 
 def discount_if_residual(

@@ -50,13 +50,7 @@ def least_gain(term: Term) -> float:
 
 
 def exceeds_model_error(term: Term, gain: float, fit: Fit) -> bool:
-    """Whether a gain is more than what the form of a model differs from any axis.
-
-    Laws of a spring bend to whatever is missing, and so does the description beside them: where it is bent by as much,
-    something else is. An offset is a number of the description itself, and where all are bent, so is it.
-    """
-    if gain < term.traits.over_bending * (fit.prior_penalty - len(fit.parameters)):
-        return False
+    """Whether a gain is more than what the form of a model differs from any axis."""
     return gain >= max(form_gain(term, fit), least_gain(term) * max(1.0, fit.misfit / fit.residual.size))
 
 
@@ -99,11 +93,6 @@ def form_share(mechanism: str, other: str) -> float:
     if own.in_every_axis or own.known_within_a_little:
         return max(shares, default=0.0)
     return max(its.form_left, own.form_of_any, own.damping if its.erring_teeth else 0.0, *shares)
-
-
-def needs_no_trial(term: Term, gain: float, fit: Fit) -> bool:
-    """Whether so much is explained that unseen rows need not be asked: where teeth hit, a linear refit says little."""
-    return gain > term.traits.needs_no_trial * fit.misfit
 
 
 def predicts_unseen_rows(term: Term, less: Fit, more: Fit) -> bool:

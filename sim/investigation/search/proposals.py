@@ -23,7 +23,6 @@ from sim.investigation.hypotheses.traits import mechanisms_with
 from sim.investigation.parallel import each
 from sim.investigation.search.criterion import (
     evidence,
-    form_gain,
     is_relevant,
     least_gain,
 )
@@ -43,10 +42,8 @@ OTHER_DENTS = ((2.0, 0.5), (0.7, 1.3))  # times as deep and as wide: where its b
 GROWTH = 5.0  # standard deviations by which a size may grow while its fit is finished: of 45 at -3 or less none did
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
-HOPE = 0.5  # of what the form of a model may gain: of 15 parts that swing none gained over twice what was promised
 FAINT, FAINT_TRIES = 8.0, 4  # squares from which what noise may hide is looked at, and how many of them
 LIKE_NEW = 0.5  # of the size that matters: what the linear picture makes less of is as new
-UNSURE = 0.5  # of what must be gained: by friction that was left out, and beside an offset by an asymmetry
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,7 @@ def try_terms(
     screened = screen(problem, fit, candidates)
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
     straight.sort(key=lambda r: -evidence(r.term, r.gain, fit.residual.size))
-    jobs = _promising(screened, fit, least, tries)
+    jobs = _promising(screened, least, tries)
     refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job)), jobs)
     curve = max((r.gain for r in straight), default=0.0) if problem.measurement.doubts.size else 0.0
     rivals = _with_finished(problem, fit, [t for t in refits if t], curve)
@@ -103,20 +100,15 @@ def candidates_of(problem: Problem, fit: Fit, only: Collection[str] | None, *, d
     return [t for t in candidates if t.key not in present and (only is None or t.mechanism in only)]
 
 
-def _promising(screened: Sequence[Screened], fit: Fit, least: float, tries: int) -> list[Job]:
+def _promising(screened: Sequence[Screened], least: float, tries: int) -> list[Job]:
     """Mechanisms that are worth a fit by what they promise, each with its start; most of it first."""
     jobs: list[Job] = []
     begun: dict[Key, int] = {}
-    shifted = any(t.traits.known_within_a_little and gain >= least_gain(t) for gain, t, _ in screened)
     for promised, term, start in screened:
         if len(jobs) == tries:
             break
         rival = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
-        unsure = term.traits.in_every_axis or (shifted and term.traits.like_an_offset)
-        asked = UNSURE * least_gain(term) if unsure else max(rival, least_gain(term))
-        if not term.contact:
-            asked = max(asked, HOPE * form_gain(term, fit))
-        if not term.named or promised < max(asked, least):
+        if not term.named or promised < max(rival, least_gain(term), least):
             continue
         if begun.get(term.key, 0) < (2 if (term.nonlinear or term.brings) and tries == MOST_TRIES else 1):
             begun[term.key] = begun.get(term.key, 0) + 1

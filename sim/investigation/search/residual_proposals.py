@@ -42,10 +42,6 @@ BAND_HZ = 0.6
 FINER = 8  # spacing of the frequencies tried, over that of the record's own
 COHERENT = 0.5  # of a line's energy, that one sine of constant phase explains
 MAINS = 0.005  # by which the frequency of the mains may be off
-COMB = 0.3  # of a line's energy, in the neighbour that a repeated motion would give it
-COMB_REACH, LOUDER = 10, 4.0  # teeth to either side, and energy there over that between them: noise has 1, at most 3
-FAINT = 1.0 / 30.0
-REPEATS = 0.9  # autocorrelation of the speed
 SPEEDS, OFTEN = 40, 0.3  # bins of the speed, and share of the time at one of them that makes lines of orders
 ELSEWHERE = 0.35  # of the size of a line, at other speeds: a real one has 0.7 and more, one of unknown teeth 0 to 0.1
 LEAST_LEVEL = 0.5  # of white noise under the residual: one that is far below its noise has no line in it
@@ -75,7 +71,7 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
         out += [over_angle(place, m, ratio, step, order) for order in turned]
         if turned[-2:] == list(ORDERS[1:]):
             out.append(torque_over_angle(place, m, ratio, step))
-        frequency = line_of(left, rate_hz, motion_end_hz(m), repetition_s(m))
+        frequency = line_of(left, rate_hz, motion_end_hz(m))
         if frequency is not None and is_fixed(left, rate_hz, frequency, *rows):
             mains = place == "motor" and any(abs(frequency / f - 1.0) < MAINS for f in HUM_HZ)
             line = hum(frequency, 100.0 * level)
@@ -170,11 +166,10 @@ def changed_gain(problem: Problem, fit: Fit) -> list[Term]:
     return [gain(USUAL_GAIN, float(m.time_s[-1]), start_s, end_s, gained.size)]
 
 
-def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ, repeats_s: float | None = None) -> float | None:
+def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ) -> float | None:
     """Frequency of the strongest line of a whitened residual [Hz], None where there is none of constant phase.
 
-    Below `lowest_hz` a line is as likely what the motion makes of a wrong model. A motion that repeats after
-    `repeats_s` makes a comb of lines of whatever it excites; one of those does not count, be its neighbours faint.
+    Below `lowest_hz` a line is as likely what the motion makes of a wrong model.
     """
     size = FINER * left.size
     power = np.abs(np.fft.rfft(left, size)) ** 2 / left.size
@@ -189,26 +184,7 @@ def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ, repeats_s
     excess = band - typical * (2 * half + 1) / FINER
     if power[at] < LINE_EXCESS * typical or power[at] - typical < COHERENT * excess:
         return None
-    if repeats_s is not None:
-        teeth = [at + round(k / repeats_s / spacing) for k in (-2, -1, 1, 2)]
-        if max(float(power[max(t - FINER // 2, 0) : t + FINER // 2 + 1].max()) for t in teeth) > COMB * power[at]:
-            return None
-        if _of_comb(power, at, 1.0 / repeats_s / spacing, first):
-            return None
     return at * spacing
-
-
-def _of_comb(power: Array, at: int, tooth: float, first: int) -> bool:
-    """Whether what lies whole teeth away from a line, from `first` on, is louder than what lies between them.
-
-    And no fainter than a thirtieth of the line: what is far above all its neighbours is more than one of them.
-    """
-    steps = np.arange(1, COMB_REACH + 1)
-    steps = np.concatenate([-steps, steps])
-    on, between = (np.round(at + (steps - shift * np.sign(steps)) * tooth).astype(np.int64) for shift in (0.0, 0.5))
-    inside = (np.minimum(on, between) >= first) & (np.maximum(on, between) < power.size)
-    near, apart = power[on[inside]], power[between[inside]]
-    return bool(near.sum() > LOUDER * apart.sum() and near.max() > FAINT * power[at])
 
 
 def is_fixed(left: Array, rate_hz: float, frequency_hz: float, speed: Array, weight: Array) -> bool:
@@ -243,17 +219,3 @@ def motion_end_hz(m: Measurement) -> float:
     frequency, power = welch(m.slow_acceleration, m.rate_hz, nperseg=min(int(4.0 * m.rate_hz), m.samples))
     smooth = median_filter(power, 9, mode="nearest")
     return max(LOWEST_HZ, float(frequency[np.flatnonzero(smooth > MOTION * power.max())[-1:]].max(initial=0.0)))
-
-
-def repetition_s(m: Measurement) -> float | None:
-    """Time after which the motion repeats [s], by the autocorrelation of the speed; None where it does not."""
-    stride = max(1, int(m.rate_hz / 100.0))
-    speed = m.speed[::stride]
-    spectrum = np.fft.rfft(speed, 2 * speed.size)
-    alike = np.fft.irfft(np.abs(spectrum) ** 2)[: speed.size // 2]
-    alike = alike / alike[0] * speed.size / (speed.size - np.arange(alike.size))
-    below = np.flatnonzero(alike < 0.0)
-    if not below.size:
-        return None
-    at = int(below[0]) + int(np.argmax(alike[below[0] :]))
-    return float(at * stride / m.rate_hz) if alike[at] > REPEATS else None

@@ -23,7 +23,6 @@ from sim.investigation.search.criterion import (
     is_model_error,
     is_relevant,
     least_gain,
-    needs_no_trial,
     predicts_unseen_rows,
     shifts_prior,
 )
@@ -359,7 +358,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
         for term in fit.terms:
             more = plain if term.named else fit
             gain = costs[term.key] = less[term.key].cost - more.cost
-            held = not strict or needs_no_trial(term, gain, more) or predicts_unseen_rows(term, less[term.key], more)
+            held = not strict or predicts_unseen_rows(term, less[term.key], more)
             held = held and not (strict and term.named and shifts_prior(term, less[term.key], more, gain))
             gains[term.key] = gain if held else 0.0
         rows = fit.residual.size

@@ -53,7 +53,6 @@ class Backlash(Mechanics):
         behind_the_motor=True,
         of_links=True,
         own_hypothesis=True,
-        needs_no_trial=0.02,
         laws=frozenset({Law.SPRING}),
         form_left=0.06,  # teeth that hit
         gap=True,

@@ -42,7 +42,6 @@ class Hysteresis(Mechanics):
         of_links=True,
         own_hypothesis=True,
         least_share=0.001,  # it bends to much
-        over_bending=1.1,
         laws=frozenset({Law.SPRING, Law.DISSIPATION}),
         damping=0.4,
     )

@@ -35,7 +35,6 @@ class StiffnessHardening(Mechanics):
         of_links=True,
         own_hypothesis=True,
         least_share=0.0007,  # it bends to much
-        over_bending=1.1,
         laws=frozenset({Law.SPRING}),
     )
 

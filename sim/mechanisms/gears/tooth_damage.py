@@ -69,8 +69,6 @@ class ToothDamage(Mechanics):
         own_hypothesis=True,
         unseen_at=frozenset({"motor"}),
         least_share=0.004,  # it bends to much
-        over_bending=1.1,
-        needs_no_trial=0.2,
         laws=frozenset({Law.SPRING, Law.FLANKS, Law.RUNOUT_OR_DENT}),
         form_left=0.06,  # teeth that hit
         size_open=0.3,  # the same torques come from a hollow and from a shallower piece broken out

@@ -43,7 +43,6 @@ class TorqueOffset(Measurement):
         own_hypothesis=True,
         of_the_recording=True,
         least_gain=10.0,
-        over_bending=0.4,
         laws=frozenset({Law.OFFSET}),
         known_within_a_little=True,
         over_strokes=True,

@@ -81,21 +81,3 @@ def test_a_line_is_asked_for_at_other_speeds() -> None:
     assert not is_fixed(_noise() + _teeth(speed), RATE_HZ, LINE_HZ, speed, ALL)
     counts = (TIME_S % 6.0 < 4.0).astype(float)  # most of what is slower does not count
     assert is_fixed(counts * (_noise() + _sine(LINE_HZ)), RATE_HZ, LINE_HZ, speed, counts)
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_a_line_of_a_comb_is_the_motions(seed: int) -> None:
-    """A motion that repeats every 5 s leaves harmonics of 0.2 Hz; a line is one of them, lies between or stands out."""
-    comb = sum(0.08 * np.sin(2.0 * np.pi * k / 5.0 * TIME_S + k * k) for k in range(13, 31))
-    alone = _noise(seed) + 0.3 * _sine(3.6)
-    assert line_of(alone, RATE_HZ, 2.5, 5.0) == pytest.approx(3.6, abs=0.01)
-    assert line_of(alone + comb, RATE_HZ, 2.5, 5.0) is None
-    assert line_of(_noise(seed) + comb + 0.3 * _sine(3.7), RATE_HZ, 2.5, 5.0) == pytest.approx(3.7, abs=0.01)
-    assert line_of(_noise(seed) + comb + _sine(3.6), RATE_HZ, 2.5, 5.0) == pytest.approx(3.6, abs=0.01)
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_what_the_motion_does_below_its_end_makes_no_comb_above(seed: int) -> None:
-    slow = sum(0.2 * np.sin(2.0 * np.pi * k / 5.0 * TIME_S + k * k) for k in range(5, 12))
-    left = _noise(seed) + slow + 0.3 * _sine(3.2)
-    assert line_of(left, RATE_HZ, 2.5, 5.0) == pytest.approx(3.2, abs=0.01)
