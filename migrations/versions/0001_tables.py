@@ -7,7 +7,7 @@ from sqlalchemy.dialects.postgresql import JSONB
 
 from casebase.store.database import FloatVector, UtcDateTime
 
-revision = "1"
+revision = "2"
 down_revision = None
 
 JSON = sa.JSON().with_variant(JSONB(), "postgresql")
