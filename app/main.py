@@ -28,7 +28,7 @@ from app.http.errors import add_problem_handlers
 from app.http.metrics import Metrics
 from app.http.middleware import CloseUnread, HeadIsGet, RequestRecord, SecurityHeaders
 from app.http.reference import PROBLEMS, describe, only_known_query
-from app.http.request_limits import RequestLimits, terms_of_all
+from app.http.request_limits import RequestLimits, limits_of_all
 from app.service import Service
 from app.settings import Settings, settings_of
 from app.web.errors import PageErrors
@@ -73,7 +73,7 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         app.state.gate = ConcurrencyLimiter(settings.uploads_at_once, settings.uploads_per_key)
         app.state.looking = ConcurrencyLimiter(settings.looks_at_once, settings.looks_per_key)
         warm_up()
-        terms_of_all(app)
+        limits_of_all(app)
         running.upkeep.start()
         for work in running.by_itself:
             work.start()

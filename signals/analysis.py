@@ -12,10 +12,10 @@ from scipy import ndimage
 from signals import envelope
 from signals.band import Band
 from signals.condition import OperatingCondition
+from signals.half_cycles import FALSE_ALARM, SMOOTH_S, HalfCycles, average_half_cycles, noise_peak_db
 from signals.motion import HOP_HZ, Motion, Span, find_motion, loudness_db, runs_of
 from signals.recording import Recording
 from signals.spectra import BandEnvelope, LongSpectrum, band_envelope, long_spectrum, low_pass
-from signals.synchronous_average import FALSE_ALARM, SMOOTH_S, Fold, fold, noise_peak_db
 from signals.transients import LIMITS, SLOW_S, Unrepeated, find_unrepeated
 
 ANALYSIS_RATE_HZ = 8000.0
@@ -267,14 +267,14 @@ class Analysis:
         places, heights = envelope.impulses(trace, self.noise_peak_db(band), apart)
         return (places.astype(np.float64) + 0.5) / HOP_HZ, heights
 
-    def folded(self, band: Band) -> Fold | None:
+    def folded(self, band: Band) -> HalfCycles | None:
         """The trace of a band folded on the motion; None without a reversal."""
         return self._folds[band]
 
     @cached_property
-    def _folds(self) -> dict[Band, Fold | None]:
+    def _folds(self) -> dict[Band, HalfCycles | None]:
         return {
-            band: fold(trace, self.motion, self.freedom(band)) if trace is not None else None
+            band: average_half_cycles(trace, self.motion, self.freedom(band)) if trace is not None else None
             for band, trace in self._traces.items()
         }
 

@@ -14,8 +14,8 @@ from scipy import fft
 
 from signals.analysis import ANALYSIS_RATE_HZ, Analysis
 from signals.band import Band
+from signals.half_cycles import HalfCycles
 from signals.motion import HOP_HZ
-from signals.synchronous_average import Fold
 
 Floats = NDArray[np.float64]
 EDGES_HZ = (
@@ -97,9 +97,9 @@ def _spectrogram(samples: NDArray[np.float32]) -> Floats:
     return np.asarray(np.add.reduceat(power[:, : edges[-1]], edges[:-1], axis=1), dtype=np.float64)
 
 
-def _highest(folded: Fold) -> tuple[float, int]:
+def _highest(folded: HalfCycles) -> tuple[float, int]:
     """Return where the bump of one direction is from the reversal [s], and in which direction."""
-    heights = np.where(np.isfinite(folded.single_db), folded.single_db, -np.inf)
+    heights = np.where(np.isfinite(folded.asymmetry_db), folded.asymmetry_db, -np.inf)
     place = int(np.argmax(heights))
     forward, backward = (np.nan_to_num(side[place], nan=-np.inf) for side in (folded.forward_db, folded.backward_db))
     return float(folded.offset_s[place]), int(backward > forward)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from signals.analysis import Analysis
 from signals.band import Band
-from signals.synchronous_average import Fold
+from signals.half_cycles import HalfCycles
 
 STRONGEST = 200
 """Most impulses that are listed; the strongest."""
@@ -47,12 +47,12 @@ def find_events(analysis: Analysis) -> tuple[Event, ...]:
     folded = analysis.folded(Band.LOW)
     if folded is not None:
         events += _repeated(analysis, folded, EventKind.PLAY, folded.both_db, folded.in_zone & ~folded.in_quiet)
-        events += _repeated(analysis, folded, EventKind.NOTCH, folded.single_db, ~folded.in_quiet)
+        events += _repeated(analysis, folded, EventKind.NOTCH, folded.asymmetry_db, ~folded.in_quiet)
     return tuple(sorted(events, key=lambda event: (event.time_s, event.kind)))
 
 
 def _repeated(
-    analysis: Analysis, folded: Fold, kind: EventKind, height_db: NDArray[np.float64], where: NDArray[np.bool_]
+    analysis: Analysis, folded: HalfCycles, kind: EventKind, height_db: NDArray[np.float64], where: NDArray[np.bool_]
 ) -> list[Event]:
     """Return one event per stroke at the highest bump, if noise would not reach it."""
     heights = np.where(where & np.isfinite(height_db), height_db, -np.inf)

@@ -17,7 +17,7 @@ from app.recordings.remote import RefusedError, Remote, UnreachableError
 from app.recordings.watch_folder import MEMORY, SETTLED_S, Memory, Sent, WatchFolder
 from app.report.words import verdict_of
 from signals.features import extract
-from signals.recording_quality.quality import Severity
+from signals.recording_quality.quality import FlagLevel
 
 EVERY_S, LONGEST_S = 1.0, 60.0
 Service = Annotated[str, typer.Option(envvar="GEARCASE_URL", help="address of the service; its key is in GEARCASE_KEY")]
@@ -61,7 +61,7 @@ def record(
     found = extract(read_sound(target), metadata.condition()).quality
     for flag in found:
         frame.say(f"{flag.severity}, {flag.name.replace('_', ' ')}: {flag.reason}")
-    poor = any(flag.severity is not Severity.NOTE for flag in found)
+    poor = any(flag.severity is not FlagLevel.NOTE for flag in found)
     frame.say("The check: record again, as said above." if poor else "The check: the recording can be diagnosed.")
     frame.show(str(target))
     if remote is None:

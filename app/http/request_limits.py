@@ -1,7 +1,7 @@
-"""The door: who may come in, how much may be carried in and for how long, before one byte of a body is read.
+"""Limits of a request: who may send, how much may be carried in and for how long, before one byte of a body is read.
 
 All of it is known from the route alone, by the dependencies that it declares: its guards (`Viewer`, `PageAdmin` and
-the like) and whether it takes uploads. What the client calls its body opens no larger door.
+the like) and whether it takes uploads. What the client calls its body raises no limit.
 """
 
 import asyncio
@@ -59,7 +59,7 @@ class RequestLimits:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        terms, headers = terms_for(scope), Headers(scope=scope)
+        terms, headers = limits_for(scope), Headers(scope=scope)
         for guard in terms.guards:
             await run_in_threadpool(guard.admit, Request(scope))
         allowance = self._allowance(terms, headers)
@@ -77,21 +77,21 @@ class RequestLimits:
         return BodyLimits(settings.document_bytes, settings.body_timeout_s, "a request that is no upload")
 
 
-def terms_for(scope: Scope) -> RouteLimits:
+def limits_for(scope: Scope) -> RouteLimits:
     """Return the terms of the route that a request is for; the strictest where there is none."""
-    for route, terms in terms_of_all(scope["app"]):
+    for route, terms in limits_of_all(scope["app"]):
         if route.matches(scope)[0] is Match.FULL:
             return terms
     return RouteLimits()
 
 
 @cache
-def terms_of_all(app: FastAPI) -> tuple[tuple[RouteContext, RouteLimits], ...]:
+def limits_of_all(app: FastAPI) -> tuple[tuple[RouteContext, RouteLimits], ...]:
     """Return the terms of every route; half a second, once."""
-    return tuple((route, terms_of(route)) for route in iter_route_contexts(app.routes))
+    return tuple((route, limits_of(route)) for route in iter_route_contexts(app.routes))
 
 
-def terms_of(route: RouteContext) -> RouteLimits:
+def limits_of(route: RouteContext) -> RouteLimits:
     """Read a route's terms off its dependencies, however deep they stand."""
     dependant: Dependant | None = getattr(route, "dependant", None)
     calls = [] if dependant is None else list(_calls(dependant))

@@ -18,7 +18,7 @@ from casebase.search.representation import weights_of
 from casebase.search.retrieval import Match
 from casebase.search.similarity import Floats
 from casebase.store.fields import Word
-from signals.features import FeatureDefinition, Severity, catalogue
+from signals.features import FeatureDefinition, FlagLevel, catalogue
 from signals.features.lines import Meshing
 
 MOST_NEIGHBOURS = 100
@@ -109,7 +109,7 @@ class RetrievalAnswer(BaseModel):
 
 def neighbours_of(library: CaseLibrary, heard: DecodedRecording, query: NeighbourQuery) -> RetrievalAnswer:
     """Return the nearest cases of a recording that is not stored."""
-    flags = [flag.reason for flag in heard.extraction.quality if flag.severity is not Severity.NOTE]
+    flags = [flag.reason for flag in heard.extraction.quality if flag.severity is not FlagLevel.NOTE]
     values = heard.extraction.features.values
     with library.reading() as session:
         return _nearest(library, session, query, values, heard.description.axis, [*heard.remarks, *flags])

@@ -12,9 +12,9 @@ from app.report.disturbed import stretches
 from app.report.svg import Band, Marker, Series, Stretch, line_chart, polar_chart
 from signals.analysis import ANALYSIS_RATE_HZ, Analysis
 from signals.band import Band as SignalBand
+from signals.half_cycles import HalfCycles
 from signals.recording import Recording
 from signals.recording_quality.disturbances import Survey
-from signals.synchronous_average import Fold
 
 SECTORS = 72
 SHOWN_POINTS = 6000
@@ -181,7 +181,7 @@ def fold_charts(analysis: Analysis, marked_deg: float | None = None) -> tuple[Ch
     return chart, cycle_chart(folded, marked_deg)
 
 
-def cycle_chart(folded: Fold, marked_deg: float | None = None) -> Markup:
+def cycle_chart(folded: HalfCycles, marked_deg: float | None = None) -> Markup:
     """Draw the height above noise around one cycle of the motion, with a marked phase [°].
 
     0° is the first reversal that was heard, as for the phases that the evidence tells; half a cycle later is the other.

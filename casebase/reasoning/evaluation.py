@@ -14,7 +14,7 @@ from casebase.reasoning.diagnosis import Judgement, Reasoner
 from casebase.reasoning.novelty import spread_out
 from casebase.search.case_table import CaseTable, Mask
 from casebase.store.models import Case, StoredRecording
-from signals.recording_quality.quality import Severity
+from signals.recording_quality.quality import FlagLevel
 
 COVERAGE = 0.95
 FOLDS = 10
@@ -191,7 +191,7 @@ def poor_recordings(session: Session) -> frozenset[str]:
     return frozenset(
         identity
         for identity, quality in session.execute(statement)
-        if any(isinstance(flag, Mapping) and flag["severity"] != Severity.NOTE for flag in quality)
+        if any(isinstance(flag, Mapping) and flag["severity"] != FlagLevel.NOTE for flag in quality)
     )
 
 

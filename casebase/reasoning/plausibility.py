@@ -18,7 +18,7 @@ from casebase.store.models import Case, FeatureRow, StoredRecording
 from signals.condition import OperatingCondition
 from signals.features import EXTRACTOR_VERSION
 from signals.motion import Motion
-from signals.recording_quality.quality import QualityFlag, Severity
+from signals.recording_quality.quality import FlagLevel, QualityFlag
 
 FEWEST_CASES = 3
 NEAR = 1.15
@@ -147,7 +147,7 @@ def _speed(condition: OperatingCondition, motion: Motion, expected: Expected) ->
     ]
     hint = _explained(value, known, factors, "rad/s")
     right = "give the largest speed of the output in rad/s"
-    return _flag("speed", f"{value:.9g} rad/s", reason, hint, right, Severity.NOTE)
+    return _flag("speed", f"{value:.9g} rad/s", reason, hint, right, FlagLevel.NOTE)
 
 
 def _payload(condition: OperatingCondition, expected: Expected) -> QualityFlag | None:
@@ -163,7 +163,7 @@ def _payload(condition: OperatingCondition, expected: Expected) -> QualityFlag |
     hint = _explained(value, known, factors, "kg m2")
     reason = _apart(value, known, "kg m2")
     right = "give the inertia that the output carries in kg m2"
-    return _flag("payload", f"{value:.9g} kg m2", reason, hint, right, Severity.NOTE)
+    return _flag("payload", f"{value:.9g} kg m2", reason, hint, right, FlagLevel.NOTE)
 
 
 def _period(condition: OperatingCondition, motion: Motion, expected: Expected) -> QualityFlag | None:
@@ -173,10 +173,10 @@ def _period(condition: OperatingCondition, motion: Motion, expected: Expected) -
         return None
     hint = _explained(value, known, [(1000.0, "milliseconds"), (1 / 60, "minutes")], "s")
     reason = _apart(value, known, "s")
-    return _flag("period", f"{value:.9g} s", reason, hint, "give one full cycle of the motion in s", Severity.POOR)
+    return _flag("period", f"{value:.9g} s", reason, hint, "give one full cycle of the motion in s", FlagLevel.POOR)
 
 
-def _flag(name: str, given: str, reason: str, hint: str, right: str, severity: Severity) -> QualityFlag:
+def _flag(name: str, given: str, reason: str, hint: str, right: str, severity: FlagLevel) -> QualityFlag:
     parts = (f"the {name} was given as {given}, but {reason}", hint, right, "the value is not used")
     return QualityFlag(f"{name}_contradicts", severity, "; ".join(filter(None, parts)))
 

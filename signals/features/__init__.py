@@ -16,7 +16,7 @@ from signals.features.vector import Extraction, FeatureDefinition, FeatureFamily
 from signals.motion import Motion, MotionSource
 from signals.recording import SHORTEST_S, Recording
 from signals.recording_quality.disturbances import flags, survey
-from signals.recording_quality.quality import QualityFlag, Severity
+from signals.recording_quality.quality import FlagLevel, QualityFlag
 
 __all__ = [
     "EXTRACTOR_VERSION",
@@ -27,10 +27,10 @@ __all__ = [
     "FeatureDefinition",
     "FeatureFamily",
     "FeatureVector",
+    "FlagLevel",
     "Motion",
     "MotionSource",
     "QualityFlag",
-    "Severity",
     "catalogue",
     "extract",
     "feature_values",

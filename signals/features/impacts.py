@@ -9,13 +9,11 @@ from signals import envelope
 from signals.analysis import Analysis
 from signals.band import Band
 from signals.features.vector import FeatureDefinition, FeatureFamily
+from signals.half_cycles import TOLERANCE
 from signals.motion import HOP_HZ
 from signals.spectra import BandEnvelope
-from signals.synchronous_average import TOLERANCE
 
-OF_BUMPS = (
-    "synchronous averaging (McFadden 1986) on strokes, with a median; height over noise: signals.synchronous_average"
-)
+OF_BUMPS = "synchronous averaging (McFadden 1986) on strokes, with a median; height over noise: signals.half_cycles"
 SENTENCES = {
     "play_bump": "Highest bump that both directions have while braking or starting: play is crossed when the torque "
     "reverses, which is where braking starts, some tenths of a second before the standstill.",
@@ -75,7 +73,7 @@ class Repetition(FeatureFamily):
             _highest(folded.both_db[near & ~quiet]),
             _highest(folded.both_db[quiet]),
             _highest(folded.both_db[~near]),
-            _highest(folded.single_db[~quiet]),
+            _highest(folded.asymmetry_db[~quiet]),
         )
 
 
@@ -97,7 +95,7 @@ class Impulses(FeatureFamily):
                     "dB",
                     "Highest point of the envelope in the typical cycle above what noise would reach in it: a "
                     "knock that every second cycle has counts, wherever it falls; a single one does not.",
-                    "extreme value of chi-squared noise; signals.synchronous_average.noise_peak_db",
+                    "extreme value of chi-squared noise; signals.half_cycles.noise_peak_db",
                 ),
                 FeatureDefinition(
                     f"spectral_kurtosis_{band.label}",
@@ -112,7 +110,7 @@ class Impulses(FeatureFamily):
             "impulse_rate_12_200_hz",
             "Hz",
             "Impulses per second above what noise would reach.",
-            "extreme value of chi-squared noise; signals.synchronous_average.noise_peak_db",
+            "extreme value of chi-squared noise; signals.half_cycles.noise_peak_db",
         ),
     )
 

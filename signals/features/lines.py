@@ -9,8 +9,8 @@ from signals import envelope
 from signals.analysis import Analysis
 from signals.band import Band
 from signals.features.vector import FeatureDefinition, FeatureFamily
+from signals.half_cycles import noise_peak_db
 from signals.spectra import LongSpectrum
-from signals.synchronous_average import noise_peak_db
 
 TOLERANCE = 0.015
 """Relative error that speed and slip may have [1]."""

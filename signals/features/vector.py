@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from signals.analysis import Analysis
 from signals.events import Event
 from signals.motion import Motion
-from signals.recording_quality.quality import QualityFlag, Severity
+from signals.recording_quality.quality import FlagLevel, QualityFlag
 
 
 def feature_words(name: str) -> str:
@@ -92,13 +92,13 @@ class Extraction:
     @property
     def unusable_reason(self) -> str | None:
         """Why the recording cannot be diagnosed; None if it can."""
-        reasons = [flag.reason for flag in self.quality if flag.severity is Severity.UNUSABLE]
+        reasons = [flag.reason for flag in self.quality if flag.severity is FlagLevel.UNUSABLE]
         return "; ".join(reasons) or None
 
     @property
     def poor(self) -> bool:
         """Whether no label may be said with confidence."""
-        return any(flag.severity is not Severity.NOTE for flag in self.quality)
+        return any(flag.severity is not FlagLevel.NOTE for flag in self.quality)
 
     @property
     def usable(self) -> bool:

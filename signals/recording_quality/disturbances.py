@@ -16,7 +16,7 @@ from signals.condition import OperatingCondition
 from signals.motion import HOP_HZ, Motion, Span
 from signals.recording import Recording
 from signals.recording_quality.circumstances import louder_after_start_db, low_band_level_db, standstill_db
-from signals.recording_quality.quality import QualityFlag, Severity, assess, constant_stretches
+from signals.recording_quality.quality import FlagLevel, QualityFlag, assess, constant_stretches
 from signals.segments import Segments, find_segments
 from signals.transients import Event
 
@@ -157,7 +157,7 @@ def _from_the_start(flag: QualityFlag, surveyed: Survey) -> QualityFlag:
     return replace(flag, start_s=flag.start_s + surveyed.start_s, end_s=flag.end_s + surveyed.start_s)
 
 
-def _flag(kind: str, severity: Severity, span: Span, reason: str) -> QualityFlag:
+def _flag(kind: str, severity: FlagLevel, span: Span, reason: str) -> QualityFlag:
     return QualityFlag(kind, severity, reason, span.start_s, span.end_s)
 
 
@@ -165,7 +165,7 @@ def silence(surveyed: Survey) -> Iterator[QualityFlag]:
     """Name quiet before and after the motion."""
     for span in surveyed.segments.silences:
         where = "at the start" if span.start_s < surveyed.start_s else "at the end"
-        yield _flag("silence", Severity.NOTE, span, f"{span.duration_s:.1f} s {where} are silent; they are left out")
+        yield _flag("silence", FlagLevel.NOTE, span, f"{span.duration_s:.1f} s {where} are silent; they are left out")
 
 
 def pause(surveyed: Survey) -> Iterator[QualityFlag]:
@@ -174,7 +174,7 @@ def pause(surveyed: Survey) -> Iterator[QualityFlag]:
     for span in surveyed.segments.pauses:
         yield _flag(
             "pause",
-            Severity.NOTE,
+            FlagLevel.NOTE,
             span,
             f"the axis rests for {span.duration_s:.1f} s from {span.start_s:.1f} s; analysed is the motion from "
             f"{machine.start_s:.1f} to {machine.end_s:.1f} s, {others:.1f} s of motion beside it are left out",
@@ -189,12 +189,12 @@ def unrepeated(surveyed: Survey) -> Iterator[QualityFlag]:
     events, worst = found.events, max(found.share.values())
     left_out = bool(surveyed.analysis.left_out) or not events
     by_chance = _chance_repetitions(surveyed.analysis.motion, worst)
-    severity = Severity.POOR if by_chance > LIMITS.as_likely_as_not or not left_out else Severity.NOTE
+    severity = FlagLevel.POOR if by_chance > LIMITS.as_likely_as_not or not left_out else FlagLevel.NOTE
     knocks = [event for event in events if event.knock]
     changes = [event for event in events if not event.knock and max(map(abs, event.excess_db.values())) > 0]
     low = [event for event in changes if _is_low(event)]
     high = [event for event in changes if not _is_low(event)]
-    what_then = "left out" if severity is Severity.NOTE else "too often for what repeats to be the machine's alone"
+    what_then = "left out" if severity is FlagLevel.NOTE else "too often for what repeats to be the machine's alone"
     if len(knocks) >= LIMITS.fewest_for_rhythm and _regular(knocks):
         every_s = float(np.median(np.diff([event.span.start_s for event in knocks])))
         yield _named(
@@ -215,7 +215,7 @@ def _chance_repetitions(motion: Motion, share: float) -> float:
     """Return at how many places of a stroke most cycles are disturbed at once, by chance [1].
 
     Of n cycles, each disturbed for this share q of the time, more than half are at about (n choose k) q^k of the
-    places, k = floor(n / 2) + 1: there a disturbance looks like the machine (`signals.synchronous_average`).
+    places, k = floor(n / 2) + 1: there a disturbance looks like the machine (`signals.half_cycles`).
     """
     if motion.period_s is None:
         return 0.0
@@ -234,7 +234,7 @@ def _regular(events: Sequence[Event]) -> bool:
     return bool(np.std(apart) < LIMITS.regular * np.mean(apart))
 
 
-def _named(kind: str, severity: Severity, events: Sequence[Event], surveyed: Survey, what: str) -> QualityFlag:
+def _named(kind: str, severity: FlagLevel, events: Sequence[Event], surveyed: Survey, what: str) -> QualityFlag:
     start_s = events[0].span.start_s + surveyed.start_s
     span = Span(start_s, max(event.span.end_s for event in events) + surveyed.start_s)
     lasts_s = sum(event.span.duration_s for event in events)
@@ -249,7 +249,7 @@ def noise(surveyed: Survey) -> Iterator[QualityFlag]:
     if fall_db < LIMITS.noisy_fall_db:
         yield _flag(
             "noise",
-            Severity.NOTE,
+            FlagLevel.NOTE,
             Span(0.0, surveyed.recording.duration_s),
             f"at standstill it is only {fall_db:.1f} dB quieter than in motion: the surroundings are nearly as loud as "
             "the machine; go nearer, or hold the microphone to the gearbox",
@@ -265,7 +265,7 @@ def automatic_gain(surveyed: Survey) -> Iterator[QualityFlag]:
     if louder_db > LIMITS.gain_db and fall_db < LIMITS.gain_fall_db:
         yield _flag(
             "automatic_gain",
-            Severity.NOTE,
+            FlagLevel.NOTE,
             Span(0.0, surveyed.recording.duration_s),
             f"after every standstill it is {louder_db:.1f} dB louder than later on the way, and at standstill only "
             f"{fall_db:.1f} dB quieter than in motion, as with automatic gain control; switch that off, for it changes "
@@ -279,7 +279,7 @@ def low_band_missing(surveyed: Survey) -> Iterator[QualityFlag]:
     if level_db < LIMITS.missing_db:
         yield _flag(
             "low_band_missing",
-            Severity.POOR,
+            FlagLevel.POOR,
             Span(0.0, surveyed.recording.duration_s),
             f"below 120 Hz there is {-level_db:.0f} dB less than at 250 to 500 Hz, as through a telephone; impacts of "
             "gears lie there, so record with a recorder that does not filter",

@@ -52,7 +52,7 @@ KINDS = {"clipped": "clipping", "unsteady_hum": "hum"}
 """Checks that are named otherwise than the disturbance they find."""
 
 
-class Severity(StrEnum):
+class FlagLevel(StrEnum):
     """How much a quality flag matters: a note changes nothing, of a poor recording no label is said with confidence."""
 
     NOTE = "note"
@@ -72,7 +72,7 @@ class QualityFlag:
     """
 
     name: str
-    severity: Severity
+    severity: FlagLevel
     reason: str
     start_s: float | None = None
     end_s: float | None = None
@@ -88,7 +88,7 @@ class QualityFlag:
             "kind": kind,
             "start_s": 0.0 if self.start_s is None else self.start_s,
             "end_s": self.duration_s if self.end_s is None else self.end_s,
-            "severity": "info" if self.severity is Severity.NOTE else "poor",
+            "severity": "info" if self.severity is FlagLevel.NOTE else "poor",
         }
 
     def to_document(self) -> dict[str, object]:
@@ -105,7 +105,7 @@ def clipped(analysis: Analysis) -> QualityFlag | None:
     if count == 0 or steps(analysis) < FEWEST_STEPS:
         return None
     share = count / analysis.recording.samples.size
-    severity = Severity.UNUSABLE if share > 0.1 else Severity.NOTE
+    severity = FlagLevel.UNUSABLE if share > 0.1 else FlagLevel.NOTE
     return QualityFlag(
         "clipped",
         severity,
@@ -140,7 +140,7 @@ def dropouts(analysis: Analysis) -> QualityFlag | None:
     share = lost_s / recording.duration_s
     return QualityFlag(
         "dropouts",
-        Severity.UNUSABLE if share > 0.5 else Severity.NOTE,
+        FlagLevel.UNUSABLE if share > 0.5 else FlagLevel.NOTE,
         f"{starts.size} stretches, {lost_s:.3g} s in all, without any change of the samples; check cable, driver "
         "and noise gate, and record again",
     )
@@ -170,7 +170,7 @@ def dc_offset(analysis: Analysis) -> QualityFlag | None:
         return None
     return QualityFlag(
         "dc_offset",
-        Severity.NOTE,
+        FlagLevel.NOTE,
         f"the mean is {mean:.3g}, the effective value around it {effective:.3g}; it was removed, but the recorder "
         "has less headroom on one side",
     )
@@ -180,12 +180,12 @@ def too_quiet(analysis: Analysis) -> QualityFlag | None:
     """Flag a level of only some steps of the recorder's quantisation."""
     size = steps(analysis)
     if size == 0:
-        return QualityFlag("too_quiet", Severity.UNUSABLE, "the recording is silent; check the microphone")
+        return QualityFlag("too_quiet", FlagLevel.UNUSABLE, "the recording is silent; check the microphone")
     if size >= FEWEST_STEPS:
         return None
     return QualityFlag(
         "too_quiet",
-        Severity.UNUSABLE if size < 2 else Severity.POOR,
+        FlagLevel.UNUSABLE if size < 2 else FlagLevel.POOR,
         f"the effective value is only {size:.1f} steps of the recorder's resolution, at least {FEWEST_STEPS} are "
         "needed; raise the gain or go nearer",
     )
@@ -206,7 +206,7 @@ def too_short_for_motion(analysis: Analysis) -> QualityFlag | None:
     if not motion.reversal_times_s and motion.period_s is None:
         return QualityFlag(
             name,
-            Severity.NOTE,
+            FlagLevel.NOTE,
             "no reversal is heard, so features that follow the motion are missing; if the axis moves back and forth, "
             "record three cycles or more",
         )
@@ -215,7 +215,7 @@ def too_short_for_motion(analysis: Analysis) -> QualityFlag | None:
     cycles = f"{motion.cycles:.1f} cycles" if motion.period_s else "less than one cycle"
     return QualityFlag(
         name,
-        Severity.NOTE if motion.cycles >= 1.5 else Severity.POOR,
+        FlagLevel.NOTE if motion.cycles >= 1.5 else FlagLevel.POOR,
         f"the recording covers {cycles} of the motion; three or more are needed to tell what repeats",
     )
 
@@ -227,7 +227,7 @@ def irregular_motion(analysis: Analysis) -> QualityFlag | None:
         return None
     return QualityFlag(
         "irregular_motion",
-        Severity.POOR,
+        FlagLevel.POOR,
         f"{len(times)} reversals are heard, but no period; only what happens at the reversals can be compared, so move "
         "the axis between the same two positions at the same speed",
     )
@@ -243,7 +243,7 @@ def motion_contradicts(analysis: Analysis) -> QualityFlag | None:
     used = " and is used" if analysis.motion.period_s == heard else ""
     return QualityFlag(
         "motion_contradicts",
-        Severity.POOR,
+        FlagLevel.POOR,
         f"the motion period was given as {given:.3f} s, but the loudness repeats every {heard:.3f} s (back and forth)"
         f"{used}; {known}",
     )
@@ -263,7 +263,7 @@ def bandwidth_too_low(analysis: Analysis) -> QualityFlag | None:
     slow = f"the sample rate is {rate_hz:.0f} Hz, so " if rate_hz < ANALYSIS_RATE_HZ else ""
     return QualityFlag(
         "bandwidth_too_low",
-        Severity.UNUSABLE if highest < 200 else Severity.POOR if highest < 400 else Severity.NOTE,
+        FlagLevel.UNUSABLE if highest < 200 else FlagLevel.POOR if highest < 400 else FlagLevel.NOTE,
         f"{slow}the recording holds nothing above {highest:.0f} Hz, and all features of higher bands are missing; "
         "record at 8 kHz or more without a telephone's filter",
     )
@@ -284,7 +284,7 @@ def unsteady_hum(analysis: Analysis) -> QualityFlag | None:
         if high > 4 * low:
             return QualityFlag(
                 "unsteady_hum",
-                Severity.NOTE,
+                FlagLevel.NOTE,
                 f"hum at {line:.0f} Hz carries {100 * power / whole:.0f} % of the sound below 200 Hz and swells by "
                 f"{10 * np.log10(high / max(low, 1e-30)):.0f} dB; find the loose shield or another mains circuit",
             )
@@ -298,7 +298,7 @@ def channel_choice(analysis: Analysis) -> QualityFlag | None:
         return None
     return QualityFlag(
         "channel_choice",
-        Severity.NOTE,
+        FlagLevel.NOTE,
         f"channel {recording.channel} of 0 to {recording.channels - 1} was used; name another to use that",
     )
 
@@ -311,12 +311,12 @@ def lossy(analysis: Analysis) -> QualityFlag | None:
     if codec in FOR_SPEECH:
         return QualityFlag(
             "lossy",
-            Severity.POOR,
+            FlagLevel.POOR,
             f"the sound was stored by a codec made for speech ({codec}), which can hide faults; record as WAV or FLAC",
         )
     return QualityFlag(
         "lossy",
-        Severity.NOTE,
+        FlagLevel.NOTE,
         f"the sound was stored with loss ({codec}), which leaves out what an ear would miss; record as WAV or FLAC to "
         "keep all of it",
     )
@@ -330,14 +330,14 @@ def truncated(analysis: Analysis) -> QualityFlag | None:
     if missing_s is None:
         return QualityFlag(
             name,
-            Severity.NOTE,
+            FlagLevel.NOTE,
             "the header does not say how long the recording is, so it was read to the end of the file; whether more "
             "was recorded is not known",
         )
     present_s = analysis.recording.duration_s
     return QualityFlag(
         name,
-        Severity.POOR if missing_s > SHARE_MISSING * (present_s + missing_s) else Severity.NOTE,
+        FlagLevel.POOR if missing_s > SHARE_MISSING * (present_s + missing_s) else FlagLevel.NOTE,
         f"{missing_s:.3g} s are missing of the {present_s + missing_s:.4g} s that the header says; the other "
         f"{present_s:.4g} s were used, so copy the file again if there is more of it",
     )
@@ -359,7 +359,7 @@ def dead_channel(analysis: Analysis) -> QualityFlag | None:
         reason = (
             f"{names} {verb} no machine, channel {recording.channel} {how} and was used; check the other microphone"
         )
-    return QualityFlag("dead_channel", Severity.UNUSABLE if asked else Severity.NOTE, reason)
+    return QualityFlag("dead_channel", FlagLevel.UNUSABLE if asked else FlagLevel.NOTE, reason)
 
 
 def _channels(numbers: tuple[int, ...]) -> str:
@@ -374,7 +374,7 @@ def wrong_tag(analysis: Analysis) -> QualityFlag | None:
         return None
     return QualityFlag(
         "wrong_tag",
-        Severity.UNUSABLE,
+        FlagLevel.UNUSABLE,
         "the samples look like floating point with an integer tag; export the recording again, or set the format tag "
         "of the WAV header to 3",
     )

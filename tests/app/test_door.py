@@ -8,7 +8,7 @@ import httpx
 import pytest
 from fastapi.routing import RouteContext, iter_route_contexts
 
-from app.http.request_limits import terms_of
+from app.http.request_limits import limits_of
 from app.main import create_app
 from app.settings import Settings
 from benchmarks.harness.live import LiveServer, sign_in, started
@@ -152,11 +152,11 @@ def changing_routes() -> list[tuple[str, str, RouteContext]]:
 
 
 def test_every_route_that_takes_a_body_has_a_guard_or_is_known_to_be_open() -> None:
-    assert {(method, path) for method, path, route in changing_routes() if not terms_of(route).guards} == OPEN
+    assert {(method, path) for method, path, route in changing_routes() if not limits_of(route).guards} == OPEN
 
 
 def test_uploads_are_where_the_contract_has_them() -> None:
-    assert {path for _, path, route in changing_routes() if terms_of(route).takes_upload} == {
+    assert {path for _, path, route in changing_routes() if limits_of(route).takes_upload} == {
         "/api/v1/diagnoses",
         "/api/v1/retrievals",
         "/api/v1/cases",

@@ -17,7 +17,7 @@ from casebase.store.models import Case, StoredRecording
 from signals.condition import OperatingCondition
 from signals.features import EXTRACTOR_VERSION
 from signals.motion import Motion
-from signals.recording_quality.quality import Severity
+from signals.recording_quality.quality import FlagLevel
 from tests.casebase.conftest import library
 from tests.casebase.made import extraction, recording
 from tests.field.libraries import Library
@@ -88,7 +88,7 @@ def test_period_is_judged_where_the_sound_does_not_tell_it() -> None:
     """Where it does, the sound is right whatever the library knows."""
     given = OperatingCondition(motion_period_s=6700.0)
     usable, (flag,) = held_against(given, Motion(), AXIS)
-    assert (flag.name, flag.severity) == ("period_contradicts", Severity.POOR)
+    assert (flag.name, flag.severity) == ("period_contradicts", FlagLevel.POOR)
     assert "6700 / 1000 = 6.7 s if it is in milliseconds" in flag.reason
     assert usable == OperatingCondition()
     assert held_against(given, Motion(period_in_sound_s=6700.0), AXIS) == (given, ())

@@ -10,7 +10,7 @@ from signals.condition import UNKNOWN, OperatingCondition
 from signals.features import extract
 from signals.recording import Recording
 from signals.recording_quality.disturbances import CHECKS, flags, survey
-from signals.recording_quality.quality import DISTURBANCES, QualityFlag, Severity
+from signals.recording_quality.quality import DISTURBANCES, FlagLevel, QualityFlag
 from tests.signals.synthetic import RATE_HZ, Joint, sound
 
 JOINT = Joint(seed=21, duration_s=25.0)
@@ -51,7 +51,7 @@ def test_silence_is_named_at_either_end() -> None:
     for samples, span in ((np.r_[still, GOOD], (0.0, 3.0)), (np.r_[GOOD, still], (25.0, 28.0))):
         flag = found(samples)["silence"]
         assert (flag.start_s, flag.end_s) == pytest.approx(span, abs=0.2)
-        assert flag.severity is Severity.NOTE
+        assert flag.severity is FlagLevel.NOTE
 
 
 def test_a_pause_is_named_with_what_is_left_out() -> None:
@@ -100,8 +100,8 @@ def test_what_reaches_higher_is_foreign() -> None:
 
 def test_more_noise_is_said_and_forbids_nothing() -> None:
     assert "noise" not in found(GOOD + 0.1 * RMS * NOISE)
-    assert found(GOOD + 0.4 * RMS * NOISE)["noise"].severity is Severity.NOTE
-    assert found(GOOD + 0.8 * RMS * NOISE)["noise"].severity is Severity.NOTE
+    assert found(GOOD + 0.4 * RMS * NOISE)["noise"].severity is FlagLevel.NOTE
+    assert found(GOOD + 0.8 * RMS * NOISE)["noise"].severity is FlagLevel.NOTE
 
 
 def test_a_gain_that_rises_at_standstill_is_named() -> None:
@@ -112,7 +112,7 @@ def test_a_gain_that_rises_at_standstill_is_named() -> None:
     since = (np.arange(GOOD.size) / RATE_HZ - JOINT.start_s) % JOINT.stroke_s
     gain = 1 + np.exp(-np.maximum(since - 0.35, 0) / 0.5)
     noisy = GOOD + 0.4 * RMS * NOISE
-    assert found(gain * noisy)["automatic_gain"].severity is Severity.NOTE
+    assert found(gain * noisy)["automatic_gain"].severity is FlagLevel.NOTE
     for other in (noisy, GOOD, gain * GOOD):
         assert "automatic_gain" not in found(other)
 
@@ -124,7 +124,7 @@ def test_a_missing_low_band_is_named() -> None:
 
     assert "low_band_missing" not in found(above(20.0))
     for cut_hz in (200.0, 300.0):
-        assert found(above(cut_hz))["low_band_missing"].severity is Severity.POOR
+        assert found(above(cut_hz))["low_band_missing"].severity is FlagLevel.POOR
 
 
 def test_lost_samples_are_left_out_and_named_once() -> None:
@@ -153,7 +153,7 @@ def test_where_most_would_be_left_out_nothing_is() -> None:
     assert surveyed.analysis.unrepeated is not None
     assert sum(event.span.duration_s for event in surveyed.analysis.unrepeated.events) > 12.5
     assert surveyed.analysis.left_out == ()
-    assert {flag.severity for flag in found(samples).values()} == {Severity.POOR}
+    assert {flag.severity for flag in found(samples).values()} == {FlagLevel.POOR}
 
 
 def test_times_count_from_the_start_of_the_recording() -> None:
@@ -179,9 +179,9 @@ def test_every_check_names_a_kind_of_the_contract() -> None:
 
 
 def test_documents_have_the_whole_recording_where_no_time_is_known() -> None:
-    flag = replace(QualityFlag("clipped", Severity.POOR, "too loud"), duration_s=7.0)
+    flag = replace(QualityFlag("clipped", FlagLevel.POOR, "too loud"), duration_s=7.0)
     assert flag.disturbance == {"kind": "clipping", "start_s": 0.0, "end_s": 7.0, "severity": "poor"}
-    assert QualityFlag("dc_offset", Severity.NOTE, "").disturbance is None
+    assert QualityFlag("dc_offset", FlagLevel.NOTE, "").disturbance is None
 
 
 @pytest.mark.parametrize("hops", [4001, 4003, 4017])

@@ -10,8 +10,8 @@ from signals.band import Band
 from signals.condition import UNKNOWN, OperatingCondition
 from signals.events import EventKind, find_events
 from signals.features import extract
+from signals.half_cycles import FALSE_ALARM, noise_peak_db
 from signals.recording import Recording
-from signals.synchronous_average import FALSE_ALARM, noise_peak_db
 from tests.signals.synthetic import RATE_HZ, Joint, ring_times_s, sound
 
 PLAY, NOTCH = "play_bump_12_200_hz", "notch_bump_12_200_hz"

@@ -1,7 +1,7 @@
 """Impacts of a damaged tooth and of play, by the strokes of the motion.
 
 The sound below 200 Hz, where a gear's forces are heard without the ringing of its housing, is folded on strokes that
-repeat (`signals.synchronous_average`): a height of 0 dB is what noise alone reaches somewhere with probability 0.05. A
+repeat (`signals.half_cycles`): a height of 0 dB is what noise alone reaches somewhere with probability 0.05. A
 tooth strikes once per cycle in one direction, play at both ends where the torque changes its sign. What a healthy gear
 does it does in both directions, and on either side of a standstill, alike: a candidate is judged by how far it stands
 out over every other bump. Where strokes do not repeat, a tooth is a few impacts that stand far over the second around
@@ -20,9 +20,9 @@ from scipy.stats import trim_mean
 
 from signals.analysis import Analysis
 from signals.band import Band
+from signals.half_cycles import SMOOTH_S, TOLERANCE, HalfCycles, average_half_cycles
 from signals.motion import HOP_HZ
 from signals.spectra import BandEnvelope, band_envelope
-from signals.synchronous_average import SMOOTH_S, TOLERANCE, Fold, fold
 from sim.chain.model import Array
 from sim.investigation.acoustic.operating_states import Course
 
@@ -40,7 +40,7 @@ NO_STANDSTILL = "no standstill is heard"
 class Bump:
     """The strongest candidate: score and height [dB], offset from the reversal [s], which stroke (0, 1).
 
-    `times_s` (k,): of impacts that do not repeat, empty of a fold.
+    `times_s` (k,): of impacts that do not repeat, empty of a average_half_cycles.
     """
 
     score: float
@@ -86,7 +86,9 @@ def play_bump(course: Course) -> Bump | None:
     low, teeth = analysis.folded(Band.LOW), _teeth_band(analysis)
     if low is None or teeth is None or not _complete(low):
         return None
-    folded = fold(teeth.smoothed(SMOOTH_S, HOP_HZ), analysis.motion, 2 * 1.5 * SMOOTH_S * teeth.bandwidth_hz)
+    folded = average_half_cycles(
+        teeth.smoothed(SMOOTH_S, HOP_HZ), analysis.motion, 2 * 1.5 * SMOOTH_S * teeth.bandwidth_hz
+    )
     braking = low.in_zone & ~low.in_quiet & (low.offset_s < 0.0)
     if folded is None or not braking.any():
         return None
@@ -149,11 +151,11 @@ def _teeth_band(analysis: Analysis) -> BandEnvelope | None:
     return band_envelope(analysis.spectrum, *TEETH_BAND_HZ) if TEETH_BAND_HZ[1] < analysis.highest_hz else None
 
 
-def _both(folded: Fold) -> Array:
+def _both(folded: HalfCycles) -> Array:
     return np.asarray(np.maximum(np.minimum(folded.forward_db, _widened(folded.backward_db)), -6.0))
 
 
-def _complete(folded: Fold) -> bool:
+def _complete(folded: HalfCycles) -> bool:
     return bool(np.isfinite(folded.forward_db).all() and np.isfinite(folded.backward_db).all())
 
 
@@ -162,7 +164,7 @@ def _widened(height_db: Array) -> Array:
     return np.asarray(maximum_filter1d(height_db, 2 * TOLERANCE + 1, axis=-1))
 
 
-def _middle(height_db: Array, folded: Fold, place: int) -> float:
+def _middle(height_db: Array, folded: HalfCycles, place: int) -> float:
     """Middle of the plateau that the tolerance makes of a peak [s]."""
     near = np.flatnonzero(height_db >= height_db[place] - 1e-9)
     near = near[np.abs(near - place) <= 2 * TOLERANCE]

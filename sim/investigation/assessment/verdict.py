@@ -11,7 +11,7 @@ import numpy as np
 from sim.description.axis import Axis
 from sim.investigation.acoustic.evidence import AcousticFinding
 from sim.investigation.assessment.calibration import WEIGHTS
-from sim.investigation.assessment.cross_validation_gain import gains
+from sim.investigation.assessment.held_out_gain import gains
 from sim.investigation.assessment.intervals import NINETY, term_estimates, unit_of
 from sim.investigation.assessment.misfit import widened
 from sim.investigation.assessment.posterior import Evidence, is_close, probability

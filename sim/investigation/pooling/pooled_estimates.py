@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from signals.recording import Recording
 from signals.telemetry import Telemetry
 from sim.description.axis import Axis
-from sim.investigation.assessment.cross_validation_gain import gains
+from sim.investigation.assessment.held_out_gain import gains
 from sim.investigation.assessment.intervals import (
     NINETY,
     NO_SIZE,

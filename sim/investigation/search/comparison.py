@@ -14,7 +14,7 @@ from sim.investigation.estimation.problem import Problem
 from sim.investigation.hypotheses.hypothesis import Key, Term
 from sim.investigation.hypotheses.nonparametric import CURVES
 from sim.investigation.parallel import each
-from sim.investigation.search.blocked_cross_validation import advantage, paired
+from sim.investigation.search.held_out_blocks import advantage, paired
 
 CLOSEST = 3  # rivals that are refitted in place of a named term
 

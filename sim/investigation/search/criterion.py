@@ -10,7 +10,7 @@ import numpy as np
 from sim.investigation.estimation.estimate import Fit
 from sim.investigation.hypotheses.hypothesis import Key, Term
 from sim.investigation.hypotheses.traits import traits_of
-from sim.investigation.search.blocked_cross_validation import BLOCKS, advantage, gain_elsewhere, paired
+from sim.investigation.search.held_out_blocks import BLOCKS, advantage, gain_elsewhere, paired
 from sim.mechanisms.mechanism import LEAST_GAIN
 
 BENDING = 7.0  # gain over what the description is bent by more with a term: less, and the term stands for another

@@ -11,9 +11,9 @@ from sim.investigation.estimation.estimate import Fit
 from sim.investigation.estimation.problem import Problem
 from sim.investigation.estimation.refit import rewhiten
 from sim.investigation.hypotheses.hypothesis import Key, Term
-from sim.investigation.search.blocked_cross_validation import advantage, paired
 from sim.investigation.search.comparison import Model, ModelComparison, in_place, named_alone, own_of
 from sim.investigation.search.criterion import LEAST_EFFECT
+from sim.investigation.search.held_out_blocks import advantage, paired
 from sim.investigation.search.proposals import Rival
 
 NEARLY, MOST_NEAR = 0.7, 2  # of the gain of the best: another may be meant, under noise of its own

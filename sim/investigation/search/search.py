@@ -14,7 +14,6 @@ from sim.investigation.estimation.whitening import LONG
 from sim.investigation.hypotheses.hypothesis import Key, Term
 from sim.investigation.hypotheses.traits import AS_NEW, mechanisms_with
 from sim.investigation.parallel import each
-from sim.investigation.search.blocked_cross_validation import advantage, paired
 from sim.investigation.search.comparison import ModelComparison, in_place, named_alone, own_of, standings
 from sim.investigation.search.criterion import (
     LEAST_EFFECT,
@@ -27,6 +26,7 @@ from sim.investigation.search.criterion import (
     shifts_prior,
 )
 from sim.investigation.search.effect_size import effect_size
+from sim.investigation.search.held_out_blocks import advantage, paired
 from sim.investigation.search.noise_swap import NearRivals, ahead, exchanged, near_rivals, under_both_noises
 from sim.investigation.search.proposals import (
     FAR_MOVED,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.investigation.assessment.cross_validation_gain import without
+from sim.investigation.assessment.held_out_gain import without
 from sim.investigation.estimation.estimate import Fit, Refits
 from sim.investigation.model.parameters import Parameter
 

@@ -13,7 +13,7 @@ from benchmarks.harness.telemetry_of import RATE_HZ, one_body, swing
 from signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
-from sim.investigation.assessment.cross_validation_gain import gains
+from sim.investigation.assessment.held_out_gain import gains
 from sim.investigation.assessment.remarks import misfit_remarks
 from sim.investigation.data.validation import examine
 from sim.investigation.estimation.estimate import Fit

@@ -7,7 +7,7 @@ import pytest
 
 from sim.investigation.assessment.calibration import WEIGHTS
 from sim.investigation.assessment.posterior import Evidence, is_close, probability
-from sim.investigation.search.blocked_cross_validation import paired
+from sim.investigation.search.held_out_blocks import paired
 
 
 def test_a_name_loses_to_no_name_what_its_model_leaves() -> None:

@@ -1,4 +1,4 @@
-"""Fold: one stroke of the axis above the other, so that what repeats with the motion stands out.
+"""Half cycles of the motion averaged, each direction by itself, so that what repeats with the motion stands out.
 
 A notch meets the mesh at one position and on one flank: one bump per cycle, in one direction. Play is crossed when
 the torque reverses: a bump at the same time before or after the standstill in both directions.
@@ -25,7 +25,7 @@ SMOOTH_S = 0.015
 
 
 @dataclass(frozen=True, eq=False)
-class Fold:
+class HalfCycles:
     """An envelope folded on the strokes of the motion, per direction.
 
     Args:
@@ -70,8 +70,8 @@ class Fold:
         return np.where(np.isnan(both), np.where(self.in_zone, self._any_db, self._quiet_db), both)
 
     @cached_property
-    def single_db(self) -> NDArray[np.float64]:
-        """Height that one direction has over the other's, shape (m,) [dB]; one direction alone: see `both_db`."""
+    def asymmetry_db(self) -> NDArray[np.float64]:
+        """Half-cycle asymmetry: what one direction has over the other, shape (m,) [dB]; one alone: see `both_db`."""
         forward = self.forward_db - np.maximum(_widened(self.backward_db), 0.0)
         backward = self.backward_db - np.maximum(_widened(self.forward_db), 0.0)
         single: NDArray[np.float64] = np.maximum(forward, backward)
@@ -87,7 +87,7 @@ class Fold:
         return np.minimum(self._any_db, 0.0)
 
 
-def fold(envelope: NDArray[np.float32], motion: Motion, freedom: float) -> Fold | None:
+def average_half_cycles(envelope: NDArray[np.float32], motion: Motion, freedom: float) -> HalfCycles | None:
     """Return an envelope folded on the motion's strokes, or None without a reversal.
 
     Args:
@@ -107,7 +107,7 @@ def fold(envelope: NDArray[np.float32], motion: Motion, freedom: float) -> Fold 
     level = float(np.nanmedian(envelope))
     forward, backward = (_height_db(rows[direction == side], level, freedom, positions) for side in (0, 1))
     offset_s = (np.arange(rows.shape[1]) - rows.shape[1] // 2) / HOP_HZ
-    return Fold(offset_s, forward, backward, motion.reversal_zone_s, motion.quiet_s, centres, int(direction[0]))
+    return HalfCycles(offset_s, forward, backward, motion.reversal_zone_s, motion.quiet_s, centres, int(direction[0]))
 
 
 def _stroke(motion: Motion, duration_s: float) -> float:
