@@ -11,10 +11,10 @@ from sqlalchemy.orm import Session
 from app.commands import BAD_INPUT, DONE, frame
 from app.commands.faults import sentence
 from app.commands.frame import ACTOR, AXIS, Channel, Gearbox, Json, Payload, Period, Speed, Steady
-from app.commands.sounds import MEANT, Sound, sounds
 from app.documents import CaseAnswer
 from app.recordings.intake import media_type_of, take_in
 from app.recordings.metadata import CaseMetadata
+from app.recordings.sound_files import MEANT, Sound, sounds
 from casebase import review as care
 from casebase.errors import DuplicateError, LibraryError
 from casebase.library import CaseLibrary

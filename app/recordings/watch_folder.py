@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from app.commands.sounds import SUFFIX
+from app.recordings.sound_files import SUFFIX
 from casebase.store.audio_store import sha256_of
 
 MEMORY = ".gearcase-watch.jsonl"
