@@ -5,7 +5,7 @@ gearboxes, with the scatter between gearboxes and within. Few gearboxes say litt
 is drawn towards the mean of its kind, as if `Tuning.prior_freedom` more gearboxes had shown that one. Noise and
 filtering of the recorder are no matter of the gearbox, so there every recording of the library counts for itself. The
 p-values of all features become one by their harmonic mean, half of it with every kind counting the same and half with
-each feature counting by its prior weight (`casebase.reasoning.priors`); it holds however they depend on
+each feature counting by what it tells of kinds of faults (`casebase.reasoning.priors`); it holds however they depend on
 each other.
 
 Sources: Smyth, Linear models and empirical Bayes methods, Stat. Appl. Genet. Mol. Biol. 3 (2004), the moderated t;
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from casebase.labels import BASELINES
-from casebase.reasoning.priors import prior_weights, repeatability
+from casebase.reasoning.priors import kind_weights, repeatability
 from casebase.reasoning.tuning import TUNING
 from casebase.search.case_table import CaseTable, Mask
 from casebase.search.similarity import Floats
@@ -157,7 +157,7 @@ def _likeness(table: CaseTable, rows: Mask, everything: Mask) -> Likeness | None
     freedom, share = np.maximum(count - 1.0, 1.0), np.zeros(kind.size)
     for each in np.unique(kind[counts]):
         share[counts & (kind == each)] = 1 / np.count_nonzero(counts & (kind == each))
-    telling = np.where(counts, prior_weights(table.names), 0.0)
+    telling = np.where(counts, kind_weights(table.names), 0.0)
     share = share / max(share.sum(), 1.0) + telling / max(telling.sum(), 1e-12)
     variance = moderated(variance, freedom, np.where(counts, kind, -1))
     scale = np.sqrt(np.where(counts, variance, 1.0) * (1 + 1 / np.maximum(count, 1)))

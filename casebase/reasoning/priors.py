@@ -59,6 +59,8 @@ PRIORS: tuple[tuple[str, float, str], ...] = (
 )
 """(how the feature's name begins, weight, why); the first line that fits holds."""
 
+KIND: dict[str, float] = {IMPACT: 0.5, UPPER: 0.25, SPREAD: 0.25}
+"""What is left of a weight when the question is the kind of a fault: any impact raises these, the harder the more."""
 REPEATABILITY_DB = 0.5
 """Two recordings of the same thing differ by so much in a level above its surroundings."""
 
@@ -82,6 +84,13 @@ def prior_of(name: str) -> tuple[float, str]:
 def even_weights(names: tuple[str, ...]) -> Floats:
     """Return the same weight for every feature that may be compared at all, shape (n,), sum 1."""
     weights = np.array([float(prior_of(name)[0] > 0) for name in names])
+    return np.asarray(weights / weights.sum())
+
+
+@functools.lru_cache
+def kind_weights(names: tuple[str, ...]) -> Floats:
+    """Return how much every feature says about the kind of a fault, shape (n,), sum 1."""
+    weights = np.array([weight * KIND.get(why, 1.0) for weight, why in map(prior_of, names)])
     return np.asarray(weights / weights.sum())
 
 
