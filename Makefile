@@ -72,7 +72,7 @@ challenge: setup
 	$(BIN)/python -m benchmarks.hidden_effects
 	$(BIN)/python -m benchmarks.hidden_effects.second out/second --seed 1
 	$(BIN)/python -m benchmarks.hidden_effects --folder out/second
-	$(BIN)/python -m pytest -m slow tests/sim/investigation tests/benchmarks/hidden_effects
+	$(BIN)/python -m pytest -m slow tests/sim/investigation tests/benchmarks
 
 # the half to work with; the other, --half final, is run once, at the end
 FIELD := $(BIN)/python -m benchmarks.field_bank --half work

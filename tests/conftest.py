@@ -16,8 +16,10 @@ settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 
 TEMPLATE = "gearcase_template"
-LONGEST_FIRST = ("hidden_effects", "test_pages.py", "jobs", "test_evaluation.py", "web", "app", "investigation")
+LONGEST_FIRST = ("field", "test_pages.py", "jobs", "test_evaluation.py", "web", "app", "investigation")
 """Folders and files that take longest, so that no process of several is left with one at the end."""
+CAMPAIGNS = ("test_quick_bank.py", "test_bombs.py", "test_unfit_inputs.py", "large")
+"""Short forms of campaigns that have commands of their own; `make challenge` runs them."""
 _numbers = itertools.count()
 
 
@@ -38,6 +40,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark every test by its kind; take the files that take longest first."""
     for item in items:
         item.add_marker(_kind(item))
+        if "benchmarks" in item.path.parts and set(CAMPAIGNS) & set(item.path.parts):
+            item.add_marker("slow")
 
     def place(item: pytest.Item) -> int:
         parts = item.path.relative_to(item.config.rootpath).parts

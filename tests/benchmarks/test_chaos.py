@@ -21,7 +21,7 @@ def test_every_post_has_its_crash_points() -> None:
 
 def test_orders_of_jobs_are_done_once_wherever_they_were_killed() -> None:
     """On SQLite; `make chaos` has PostgreSQL too."""
-    names = ["/simulations", "/investigations", "engine: resume"]
+    names = ["/simulations", "/investigations", "job: resumed"]
     command = [
         sys.executable,
         "-m",
