@@ -2,7 +2,6 @@
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.complete
-BENCH_STAMP := .venv/.bench
 ASSETS := app/web/static/vendor/.complete
 DATA_DIR ?= .gearcase
 HOST ?= 127.0.0.1
@@ -33,10 +32,6 @@ $(ASSETS): package-lock.json package.json app/web/assets.py | $(STAMP)
 	@$(BIN)/python -m app.web.assets
 	@touch $(ASSETS)
 
-$(BENCH_STAMP): $(STAMP) requirements-bench.lock
-	$(PIP) install --require-hashes -r requirements-bench.lock
-	touch $(BENCH_STAMP)
-
 run: setup
 	@$(BIN)/gearcase --data-dir $(DATA_DIR) starter
 	@$(BIN)/gearcase --data-dir $(DATA_DIR) serve --host $(HOST) --port $(PORT) --log-folder $(DATA_DIR)/logs
@@ -62,10 +57,9 @@ check: setup
 # the tools that make the lock are not needed to use it: python3 -m pip install uv
 LOCK := uv pip compile pyproject.toml --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate --python-version 3.11 --quiet
 lock:
-	$(LOCK) --extra logs --extra record --extra test --extra bench -o requirements-bench.lock
-	$(LOCK) --extra logs --extra record --extra test -c requirements-bench.lock -o requirements.lock
+	$(LOCK) --extra logs --extra record --extra test -o requirements.lock
 
-bench: $(BENCH_STAMP)
+bench: setup
 	$(BIN)/python -m benchmarks
 
 challenge: setup

@@ -1,4 +1,4 @@
-"""Benchmarks: each module has `run()`, which returns rows; peers are measured in the same run.
+"""Benchmarks: each module has `run()`, which returns rows.
 
 Folders are banks, which have frozen seeds and commands of their own: `python -m benchmarks.hidden_effects`.
 """

@@ -6,18 +6,9 @@ import sys
 from benchmarks import table
 
 MODULES: tuple[str, ...] = (
-    "features",
     "simulation",
     "axis_simulation",
-    "command_line",
-    "service",
-    "pages",
-    "sliders",
-    "retrieval",
     "diagnosis",
-    "lossy",
-    "measured_help",
-    "severity",
 )
 """One line per benchmark."""
 

@@ -12,23 +12,21 @@ import itertools
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import soundfile
 from numpy.typing import NDArray
-from scipy import signal
 
 from benchmarks import Row
 from benchmarks.field_bank import bank
 from benchmarks.plain_classifier import PlainClassifier
 from benchmarks.shared_data import SHARED
 from casebase.reasoning.diagnosis import DIAGNOSED_FROM, Reasoner
-from casebase.reasoning.evaluation import Proportion, evaluate
+from casebase.reasoning.evaluation import Proportion
 from casebase.search.case_table import CaseTable
 from signals.condition import OperatingCondition
 from signals.features import EXTRACTOR_VERSION, Extraction, extract
@@ -81,12 +79,6 @@ def _table(sounds: Sequence[Sound], extractions: Sequence[Extraction]) -> CaseTa
     return CaseTable(1, EXTRACTOR_VERSION, names, ids, labels, origins, origins, groups, ids, values)
 
 
-@cache
-def axis_table() -> CaseTable:
-    """Return the table of the axis recordings as they are."""
-    return table_of(axis_sounds())
-
-
 def answers(table: CaseTable, tested: CaseTable, distinct: bool = True) -> list[tuple[str, str, str]]:
     """Return truth, best label and verdict of tested cases, each by the cases of other gearboxes."""
     found = []
@@ -113,147 +105,6 @@ def row_of(name: str, work: Callable[[], list[tuple[str, str, str]]]) -> Row:
     new = sum(verdict == "not_in_library" for *_, verdict in found)
     seconds = (time.perf_counter() - start) / len(found)
     return Row(name, seconds, note=f"right {said(right, len(found))}; called new {new / len(found):.3f}")
-
-
-def cross_validation() -> list[Row]:
-    """Leave one gearbox out; leave one class out."""
-    start = time.perf_counter()
-    table = axis_table()
-    read = (time.perf_counter() - start) / len(table)
-    start = time.perf_counter()
-    result = evaluate(table)
-    seconds = (time.perf_counter() - start) / len(table)
-    rows = [
-        Row("features of one recording", read),
-        Row(f"gearcase, {result.gearboxes} gearboxes", seconds, note=f"right {_share(result.accuracy)}"),
-        Row("  known, called new", seconds, note=_share(result.called_new)),
-    ]
-    rows += [
-        Row(f"  {label} not in the library, called new", seconds, note=_share(share))
-        for label, share in result.left_out.items()
-        if label != "normal"
-    ]
-    return rows
-
-
-def _share(share: Proportion) -> str:
-    return said(share.right, share.of)
-
-
-# -- the usual ways, on the same recordings
-
-
-def paper_features(sound: Sound) -> list[float]:
-    """Return FFT band levels and crest factor after a 200 Hz low-pass: the paper's features, plain."""
-    low = signal.sosfiltfilt(signal.butter(4, 200, fs=sound.rate_hz, output="sos"), sound.samples)
-    frequency, power = signal.welch(low, sound.rate_hz, nperseg=4096)
-    edges = np.linspace(0, 200, 11)
-    bands = [
-        10 * np.log10(power[(frequency >= a) & (frequency < b)].sum() + 1e-20) for a, b in itertools.pairwise(edges)
-    ]
-    crest = float(np.abs(low).max() / np.sqrt(np.mean(low**2)))
-    return [*bands, crest]
-
-
-def peers() -> list[Row]:
-    """Return the accuracy of the usual ways, one gearbox left out at a time."""
-    from aeon.classification.convolution_based import MiniRocketClassifier
-    from sklearn.ensemble import RandomForestClassifier
-    from sklearn.neighbors import KNeighborsClassifier
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import StandardScaler
-
-    sounds, table = axis_sounds(), axis_table()
-    paper = np.array([paper_features(sound) for sound in sounds])
-    ours = np.nan_to_num(table.values)
-    waves = np.stack([signal.resample_poly(sound.samples, 1, 8)[:20_000] for sound in sounds])[:, None, :]
-    ways: dict[str, tuple[Callable[[], object], NDArray[np.floating]]] = {
-        "the paper's features, unweighted 3-NN": (
-            lambda: make_pipeline(StandardScaler(), KNeighborsClassifier(3)),
-            paper,
-        ),
-        "the paper's features, random forest": (lambda: RandomForestClassifier(500, random_state=0), paper),
-        "our features, random forest": (lambda: RandomForestClassifier(500, random_state=0), ours),
-        "MiniRocket on the sound": (lambda: MiniRocketClassifier(random_state=0), waves),
-    }
-    return [_peer(name, make, data, table) for name, (make, data) in ways.items()]
-
-
-def _peer(name: str, make: Callable[[], object], data: NDArray[np.floating], table: CaseTable) -> Row:
-    start = time.perf_counter()
-    right = 0
-    for group in np.unique(table.gearboxes):
-        inside = table.gearboxes != group
-        model = make()
-        model.fit(data[inside], table.labels[inside])  # type: ignore[attr-defined]
-        right += int((model.predict(data[~inside]) == table.labels[~inside]).sum())  # type: ignore[attr-defined]
-    return Row(name, (time.perf_counter() - start) / len(table), note=f"right {said(right, len(table))}")
-
-
-# -- robustness: the library as it is, the recordings tested made worse
-
-
-def shortened(seconds: float) -> Callable[[Sound], Sound]:
-    """Return what keeps the first seconds."""
-    return lambda sound: replace(sound, samples=sound.samples[: int(seconds * sound.rate_hz)])
-
-
-def noisy(ratio_db: float) -> Callable[[Sound], Sound]:
-    """Return what adds white noise at a signal-to-noise ratio [dB]."""
-
-    def worse(sound: Sound) -> Sound:
-        generator = np.random.default_rng(len(sound.samples))
-        size = float(np.sqrt(np.mean(sound.samples**2))) * 10 ** (-ratio_db / 20)
-        noise = generator.normal(scale=size, size=sound.samples.size)
-        return replace(sound, samples=(sound.samples + noise).astype(np.float32))
-
-    return worse
-
-
-def heard_from(low_hz: float, high_hz: float) -> Callable[[Sound], Sound]:
-    """Return what a microphone of this band would have heard."""
-
-    def worse(sound: Sound) -> Sound:
-        sos = signal.butter(2, (low_hz, high_hz), "bandpass", fs=sound.rate_hz, output="sos")
-        return replace(sound, samples=signal.sosfilt(sos, sound.samples).astype(np.float32))
-
-    return worse
-
-
-CONDITIONS: tuple[tuple[str, Callable[[Sound], Sound]], ...] = (
-    *((f"first {seconds} s", shortened(seconds)) for seconds in (5, 7.5, 10, 15, 20)),
-    *((f"white noise, signal to noise {ratio} dB", noisy(ratio)) for ratio in (20, 10, 5, 0)),
-    *(
-        (f"microphone from {low} to {high} Hz", heard_from(low, high))
-        for low, high in ((20, 3500), (80, 3500), (20, 400), (20, 1000))
-    ),
-)
-
-
-def robustness() -> list[Row]:
-    """Return the accuracy on recordings made worse."""
-    sounds = axis_sounds()
-    rows = []
-    for name, worse in CONDITIONS:
-        tested = table_of([worse(sound) for sound in sounds])
-        rows.append(row_of(name, lambda tested=tested: answers(axis_table(), tested)))
-    return rows
-
-
-def units() -> list[Row]:
-    """Return the accuracy with one to four gearboxes in the library, over all choices of them."""
-    table = axis_table()
-    serials = np.unique(table.gearboxes)
-    return [
-        row_of(f"{count} gearboxes in the library", lambda count=count: list(_with_units(table, serials, count)))
-        for count in range(1, serials.size)
-    ]
-
-
-def _with_units(table: CaseTable, serials: NDArray[np.str_], count: int) -> Iterator[tuple[str, str, str]]:
-    for chosen in itertools.combinations(serials, count):
-        inside = np.isin(table.gearboxes, chosen)
-        yield from answers(table.take(inside), table.take(~inside), distinct=False)
 
 
 # -- nearest neighbours and one logistic, on the same splits
@@ -401,32 +252,14 @@ def spectraquest() -> list[Row]:
             )
         ]
 
-    def plain() -> list[tuple[str, str, str]]:
-        columns = [place for place, name in enumerate(table.names) if name.startswith("band_level")]
-        return [
-            (str(truth), str(table.labels[near]), "diagnosed")
-            for number in range(4)
-            for truth, near in _plain_nearest(table, columns, light & (channel == number), ~light & (channel == number))
-        ]
-
     return [
         row_of("spectraquest, loads 0-20 -> 30-50, same sensor (class = assembly)", within),
-        row_of("  1-NN on plain band energies, same sensor", plain),
         row_of("spectraquest, loads 0-20 -> 30-50, other sensor (class = assembly)", across),
     ]
 
 
-def _plain_nearest(
-    table: CaseTable, columns: list[int], known: NDArray[np.bool_], tested: NDArray[np.bool_]
-) -> Iterator[tuple[str, int]]:
-    """Return the label of every tested row and the nearest known row, by plain distance over some columns."""
-    values, rows = np.nan_to_num(table.values[:, columns]), np.flatnonzero(known)
-    for row in np.flatnonzero(tested):
-        yield str(table.labels[row]), int(rows[((values[rows] - values[row]) ** 2).sum(axis=1).argmin()])
-
-
 def seu(window_s: float = 0.1) -> list[Row]:
-    """Five classes split by time, three channels of the planetary gear, beside 1-NN on 16 log band energies."""
+    """Five classes split by time, three channels of the planetary gear."""
     parts: list[tuple[bool, int, Sound]] = []
     for path in sorted((DATA / "seu").glob("*.wav")):
         samples, rate = soundfile.read(path, dtype="float32")
@@ -456,39 +289,10 @@ def seu(window_s: float = 0.1) -> list[Row]:
     best = np.array(known.classes)[sum(heard).argmax(axis=1)]
     seconds = (time.perf_counter() - start_time) / truth.size
     note = f"right {said(int((best == truth).sum()), truth.size)}"
-    return [
-        Row(f"seu, 5 classes split by time, windows of {window_s} s", seconds, note=note),
-        _seu_baseline(parts),
-    ]
+    return [Row(f"seu, 5 classes split by time, windows of {window_s} s", seconds, note=note)]
 
 
-def _seu_baseline(parts: Sequence[tuple[bool, int, Sound]]) -> Row:
-    from sklearn.neighbors import KNeighborsClassifier
-
-    energies = []
-    for _, _, sound in parts:
-        power = np.abs(np.fft.rfft(sound.samples * np.hanning(sound.samples.size))) ** 2
-        energies.append([np.log(band.sum() + 1e-20) for band in np.array_split(power, 16)])
-    stacked = np.array(energies).reshape(-1, 3 * 16)
-    labels = np.array([sound.label for *_, sound in parts])[::3]
-    early = np.array([first for first, *_ in parts])[::3]
-    start = time.perf_counter()
-    found = KNeighborsClassifier(1).fit(stacked[early], labels[early]).predict(stacked[~early])
-    right = int((found == labels[~early]).sum())
-    seconds = (time.perf_counter() - start) / int((~early).sum())
-    return Row("  1-NN on 16 log band energies", seconds, note=f"right {said(right, int((~early).sum()))}")
-
-
-PARTS: tuple[Callable[[], list[Row]], ...] = (
-    cross_validation,
-    peers,
-    robustness,
-    units,
-    side_by_side,
-    field_bank,
-    spectraquest,
-    seu,
-)
+PARTS: tuple[Callable[[], list[Row]], ...] = (side_by_side, field_bank, spectraquest, seu)
 
 
 def run() -> list[Row]:

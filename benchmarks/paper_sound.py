@@ -56,8 +56,6 @@ ALL_DRAWN = 60
 PAPER_OVER_MEAN = {"normal": "", "play": "more than four", "notch": "about seven"}
 OF_A_FAULT = {"gap_rad": "play", "depth_rad": "notch"}
 OVER_MEAN_S = (0.02, 0.05, WINDOW_S, 0.2)
-SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Where in its range a size stands in the table of sizes."""
 
 
 def noise_floor(seconds: float) -> float:
@@ -137,17 +135,6 @@ def sensitivities() -> str:
             cells.append(f"{low:.1f}, {high:.1f}")
         rows.append([f"`{each.name}`", f"{each.low:.3g}, {USUAL[each.name]:.3g}, {each.high:.3g}", *cells])
     return markdown(["number", "low, usual, high", *PAPER], rows)
-
-
-def sizes() -> str:
-    """Crest factor over the size of a fault."""
-    rows = []
-    for label, number in (("play", OPEN[0]), ("notch", OPEN[1])):
-        at = [number.at(share) for share in SHARES]
-        found = [mean_crest_factor(label, FEW_DRAWS, {**USUAL, number.name: size}) for size in at]
-        values = ", ".join(f"{value:.1f} at {1e3 * size:.2g}" for size, value in zip(at, found, strict=True))
-        rows.append([f"{label}, `{number.name}`", f"{values} mrad", f"{PAPER[label]:g}"])
-    return markdown(["", "crest factor", "the paper"], rows)
 
 
 def drawn_at_once() -> str:
@@ -312,7 +299,6 @@ def main(out: Path) -> None:
         (f"the same with the paper's friction behind the play, {DRAWS} draws", moved_rows),
         (f"largest over mean of the trace, {DRAWS} draws", windows),
         (f"what each item adds, {DRAWS} draws", items),
-        (f"crest factor over size, {FEW_DRAWS} draws", sizes),
         (f"sensitivities, {FEW_DRAWS} draws", sensitivities),
         (f"all open numbers drawn at once, {ALL_DRAWN} draws", drawn_at_once),
     ):

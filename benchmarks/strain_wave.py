@@ -1,9 +1,6 @@
-"""`python -m benchmarks.strain_wave`: gears of which only the ratio is described, with and
-without an error twice per turn of the motor; sizes, rates, with and without an encoder at the load."""
+"""Logs of a gear of which only the ratio is described, with and without an error twice per turn of the motor."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,14 +8,9 @@ from signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.experiment.virtual_measurement import measure
-from sim.investigation.investigate import investigate
-from sim.investigation.results import Investigation
 from sim.mechanisms import KinematicError
 from sim.mechanisms.catalogue import with_mechanism
 
-SIZES = (5e-5, 1.5e-4)  # of the error [rad]; strain wave gears have 0.1 to 0.5 mrad from peak to peak
-STRIDES = (1, 4)  # rows of 2 kHz
-SEEDS = 4
 PHASE = 0.7
 AXIS = read_axis(
     {
@@ -50,28 +42,3 @@ def log(axis: Axis, seed: int, stride: int = 1, *, load_encoder: bool = True) ->
 def erring(amplitude_rad: float) -> Axis:
     """The axis with an error of its gear twice per turn of the motor."""
     return with_mechanism(AXIS, KinematicError("output", {"amplitude_rad": amplitude_rad, "phase_rad": PHASE}))
-
-
-def said(result: Investigation) -> str:
-    """Findings in a line."""
-    return ", ".join(
-        f"{f.mechanism} {f.probability:.2f} {f.parameters[0].value:.3g}"
-        + (f" or {'/'.join(f.indistinguishable_from)}" if f.indistinguishable_from else "")
-        for f in result.findings
-    )
-
-
-def main() -> None:
-    for load_encoder in (True, False):
-        for stride in STRIDES:
-            for size in SIZES:
-                result = investigate(AXIS, log(erring(size), 1, stride, load_encoder=load_encoder))
-                print(f"{size:.2g} rad, {2000 // stride} Hz, {load_encoder=}: {said(result)}", flush=True)
-            for seed in range(SEEDS):
-                heavier = replace(AXIS, load=replace(AXIS.load, inertia_kg_m2=0.8 + 0.1 * seed))
-                result = investigate(AXIS, log(heavier, seed, stride, load_encoder=load_encoder))
-                print(f"none, {2000 // stride} Hz, {load_encoder=}, seed {seed}: {said(result)}", flush=True)
-
-
-if __name__ == "__main__":
-    main()

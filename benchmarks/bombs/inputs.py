@@ -3,8 +3,9 @@
 import io
 import json
 import random
+import struct
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,11 +14,37 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from benchmarks.bombs.bodies import AXIS, BODIES, METADATA, ODD, places, table, with_value
-from benchmarks.fuzz_decode import spoilt
 from benchmarks.harness.sounds import sound
 
 API = "/api/v1"
+SIZES = (0, 1, 2, 7, 0x7F, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFF0, 0xFFFFFFFE, 0xFFFFFFFF)
 NOBODY = "0" * 32
+
+
+def spoilt(content: bytes, others: Sequence[bytes], dice: random.Random) -> bytes:
+    """Return the content of a file with one to three things wrong."""
+    spoilt = bytearray(content)
+    for _ in range(dice.randint(1, 3)):
+        kind = dice.randrange(6)
+        at = dice.randrange(len(spoilt)) if dice.random() < 0.5 else dice.randrange(min(len(spoilt), 128))
+        if kind == 0:
+            for _ in range(dice.randint(1, 20)):
+                spoilt[dice.randrange(len(spoilt))] = dice.randrange(256)
+        elif kind == 1:
+            spoilt[at : at + 8] = dice.randbytes(dice.randint(1, 8))
+        elif kind == 2:
+            del spoilt[max(1, at) :]
+        elif kind == 3:
+            order = dice.choice("<>")
+            spoilt[at : at + 4] = struct.pack(order + "I", dice.choice(SIZES))
+        elif kind == 4:
+            other = dice.choice(others)
+            spoilt[at:] = other[dice.randrange(len(other)) :]
+        else:
+            spoilt[at : at + dice.randint(0, 64)] = dice.randbytes(dice.randint(0, 64))
+        if not spoilt:
+            return b"\0"
+    return bytes(spoilt)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import importlib.util
 import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -19,7 +18,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from benchmarks.hidden_effects.bank import BANK_SEED, Entry, full_bank
 from benchmarks.hidden_effects.figure import draw
-from benchmarks.hidden_effects.generator import Scenario
 from benchmarks.hidden_effects.product import ROOT, investigate, investigate_folder, peak_mib
 from benchmarks.hidden_effects.scoring import Scored, complete, judge, several_table, tables
 
@@ -35,19 +33,9 @@ def _state_of_product() -> str:
     return digest.hexdigest()[:12]
 
 
-def run_entry(entry: Entry, peers: bool, known: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Run one entry of the bank; the result is JSON data. `known`: what the product said of it before."""
+def run_entry(entry: Entry) -> dict[str, Any]:
+    """Run one entry of the bank; the result is JSON data."""
     scenario = entry.scenario()
-    result = dict(known or _asked(entry, scenario))
-    # peers take one recording
-    if peers and scenario.telemetry is not None and scenario.second_telemetry is None:
-        from benchmarks.hidden_effects.peers import ask_all  # imports PySINDy, which takes seconds
-
-        result["peers"] = ask_all(scenario)
-    return result
-
-
-def _asked(entry: Entry, scenario: Scenario) -> dict[str, Any]:
     said = investigate(scenario)
     result = {
         "seed": entry.seed,
@@ -86,15 +74,11 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--group", help="only this group, such as null or mechanics")
     parser.add_argument("--effect", help="only scenarios that hide this, such as backlash")
     parser.add_argument("--level", help="only scenarios of this size, such as third")
-    parser.add_argument("--peers", action="store_true", help="also PySINDy and i.i.d. BIC on the same runs")
     parser.add_argument("--folder", type=Path, help="instead: recordings with an answers.json, by the same rule")
     parser.add_argument("--twice", action="store_true", help="with --folder: run each twice, compare the documents")
     parser.add_argument("--figure", type=Path, help="also draw the results, as PNG or SVG")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "hidden_effects", help="where results are kept")
-    options = parser.parse_args()
-    if options.peers and importlib.util.find_spec("pysindy") is None:
-        parser.error("--peers needs PySINDy, which is not installed: `make bench` installs it")
-    return options
+    return parser.parse_args()
 
 
 def _wanted(options: argparse.Namespace) -> list[Entry]:
@@ -108,17 +92,15 @@ def _wanted(options: argparse.Namespace) -> list[Entry]:
     return bank[: options.runs]
 
 
-def _run(todo: Sequence[Entry], options: argparse.Namespace, file: Path, done: Mapping[int, dict[str, Any]]) -> None:
+def _run(todo: Sequence[Entry], jobs: int, file: Path) -> None:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with (
-        ProcessPoolExecutor(options.jobs) as pool,
+        ProcessPoolExecutor(jobs) as pool,
         Progress(*columns) as progress,
         file.open("a") as kept,
     ):
         task = progress.add_task("hidden effects", total=len(todo))
-        for future in as_completed(
-            [pool.submit(run_entry, entry, options.peers, done.get(entry.seed)) for entry in todo]
-        ):
+        for future in as_completed([pool.submit(run_entry, entry) for entry in todo]):
             result = future.result()
             kept.write(json.dumps(result) + "\n")
             kept.flush()
@@ -164,10 +146,10 @@ def main() -> None:
     file = options.out / f"{_state_of_product()}.jsonl"
     done = _read(file)
     bank = _wanted(options)
-    todo = [e for e in bank if e.seed not in done or (options.peers and "peers" not in done[e.seed])]
+    todo = [e for e in bank if e.seed not in done]
     if len(todo) < len(bank):
         print(f"{len(bank) - len(todo)} of {len(bank)} results are already in {file}")
-    _run(todo, options, file, done)
+    _run(todo, options.jobs, file)
     done = _read(file)
     results = [done[entry.seed] for entry in bank]
     print()
@@ -181,11 +163,6 @@ def main() -> None:
             print(f"\n{result['answer']['id']} failed: {result['failure']}")
     if options.figure:
         draw(_judged(results), options.figure)
-    if options.peers:
-        from benchmarks.hidden_effects.peers import side_by_side
-
-        print()
-        print(side_by_side(results))
 
 
 if __name__ == "__main__":

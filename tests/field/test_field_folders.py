@@ -5,22 +5,16 @@ something wrong gets its true label or an honest doubt, never a wrong label as `
 """
 
 import json
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
-from zlib import crc32
 
-import numpy as np
 import pytest
-import soundfile
-from _pytest.mark import ParameterSet
 
-from benchmarks.disturbed import DISTURBED, FOREIGN, HARMLESS, NEVER_SURE, SHORT, SILENT, Change, foreign
 from benchmarks.harness.live import gearcase
 from benchmarks.shared_data import SHARED
 from signals.features import extract
 from signals.reading.decode import read_recording
-from tests.field.libraries import HELD_OUT, Library, recordings
+from tests.field.libraries import Library, recordings
 from tests.field.libraries import known as known_answer
 from tests.shared_data import shared
 
@@ -228,113 +222,9 @@ def test_17_floating_point_tagged_as_integer_is_no_fault(library: Library) -> No
 
 
 FILES = [row["file"] for half in (False, True) for row in recordings(held_out=half)] if SHARED.exists() else []
-GOOD = [file for file in FILES if file.startswith(HELD_OUT)]
-"""The recordings of the gearbox that no library has: disturbed here in ways of our own."""
-IN_TURN = ("g04_normal_0.wav", "g04_notch_1.wav", "g04_play_1.wav")
-"""The quick suite asks of every change one of them; the long banks ask all."""
-GUSTS = "what three gusts leave over when they are left out is taken for a notch, and wind is only a note"
-GAIN = "a gain that is turned up within half a second makes a start 0.6 to 1.8 dB louder, less than is named"
-OPEN = {
-    ("gusts", "g04_normal_1.wav"): GUSTS,
-    **{(name, file): GAIN for name in ("slow automatic gain", "automatic gain") for file in GOOD},
-}
-"""What does not hold yet, and why: by what was done, and to which recording."""
 
 
-def cases(names: Iterable[str]) -> list[ParameterSet]:
-    """Return every change of every good recording, with what is known of it."""
-    return [
-        pytest.param(name, file, marks=[*marks, *known(name, file)])
-        for place, name in enumerate(names)
-        for file in GOOD
-        for marks in [[] if file == IN_TURN[place % len(IN_TURN)] else [pytest.mark.slow]]
-    ]
-
-
-def known(name: str, file: str) -> list[pytest.MarkDecorator]:
-    reason = OPEN.get((name, file))
-    return [pytest.mark.xfail(strict=True, reason=reason)] if reason else []
-
-
-def written(folder: Path, file: str, name: str, change: Change) -> tuple[Path, str]:
-    """Write a good recording as somebody might have brought it; return it with its true label."""
-    samples, rate_hz = soundfile.read(shared("data", "axis_recordings", file))
-    rng = np.random.default_rng(crc32(f"{file} {name}".encode()))
-    path = folder / "brought.wav"
-    soundfile.write(path, np.clip(change(samples, rate_hz, rng), -1, 1), rate_hz, subtype="PCM_16")
-    return path, file.split("_")[1]
-
-
-@pytest.mark.parametrize(("name", "file"), cases(HARMLESS))
-def test_what_changes_nothing_of_the_machine_changes_no_label(
-    starter_and_measured: Library, tmp_path: Path, name: str, file: str
-) -> None:
-    path, truth = written(tmp_path, file, name, HARMLESS[name])
-    entry = starter_and_measured.asked(path)
-    assert (entry["verdict"], entry["label"]) == ("diagnosed", truth), told(entry)
-    if name in SILENT:
-        start_s, end_s = SILENT[name]
-        (silence,) = (each for each in entry["disturbances"] if each["kind"] == "silence")
-        assert (silence["start_s"], silence["end_s"]) == pytest.approx((start_s, end_s), abs=0.35)
-    if "channel" in name:
-        assert "dead_channel" in kinds(entry)
-
-
-@pytest.mark.parametrize(("name", "file"), cases(DISTURBED))
-def test_what_is_heard_beside_the_machine_becomes_no_fault(
-    starter_and_measured: Library, tmp_path: Path, name: str, file: str
-) -> None:
-    path, truth = written(tmp_path, file, name, DISTURBED[name])
-    entry = starter_and_measured.asked(path)
-    assert entry["verdict"] != "diagnosed" or entry["label"] == truth, told(entry)
-    if "pause" in name:
-        assert "pause" in kinds(entry)
-
-
-@pytest.mark.parametrize(("name", "file"), cases(NEVER_SURE))
-def test_what_recorders_take_away_is_named(starter_and_measured: Library, tmp_path: Path, name: str, file: str) -> None:
-    change, kind = NEVER_SURE[name]
-    entry = starter_and_measured.asked(written(tmp_path, file, name, change)[0])
-    assert entry["verdict"] != "diagnosed", told(entry)
-    assert kind in kinds(entry), told(entry)
-
-
-@pytest.mark.parametrize(("name", "file"), cases(SHORT))
-def test_of_less_than_a_cycle_nothing_is_sure(
-    starter_and_measured: Library, tmp_path: Path, name: str, file: str
-) -> None:
-    entry = starter_and_measured.asked(written(tmp_path, file, name, SHORT[name])[0])
-    assert entry["verdict"] != "diagnosed", told(entry)
-
-
-@pytest.mark.parametrize("library", WITH_MEASURED, indirect=True)
-@pytest.mark.parametrize("kind", FOREIGN)
-def test_sounds_of_no_gearbox_get_no_label(library: Library, tmp_path: Path, kind: str) -> None:
-    soundfile.write(tmp_path / "foreign.wav", foreign(kind, 20.0, 8000.0), 8000, subtype="PCM_16")
-    entry = library.asked(tmp_path / "foreign.wav")
-    assert entry["verdict"] in NO_LABEL, told(entry)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "kind",
-    [
-        pytest.param(
-            kind,
-            marks=pytest.mark.xfail(strict=True, reason="simulated cases alone take it for play with probability 0.67")
-            if kind.startswith("vacuum")
-            else [],
-        )
-        for kind in FOREIGN
-    ],
-)
-def test_sounds_of_no_gearbox_get_no_label_from_simulated_cases(starter: Library, tmp_path: Path, kind: str) -> None:
-    soundfile.write(tmp_path / "foreign.wav", foreign(kind, 20.0, 8000.0), 8000, subtype="PCM_16")
-    entry = starter.asked(tmp_path / "foreign.wav")
-    assert entry["verdict"] in NO_LABEL, told(entry)
-
-
-@pytest.mark.parametrize("file", [pytest.param(file, marks=known("good", file)) for file in FILES[::3]])
+@pytest.mark.parametrize("file", FILES[::3])
 def test_good_recordings_have_no_disturbance(file: str) -> None:
     """Made in a quiet room, with nothing beside the machine."""
     extraction = extract(read_recording(shared("data", "axis_recordings", file)))
