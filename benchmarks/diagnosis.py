@@ -26,7 +26,6 @@ from benchmarks.field_bank import bank
 from benchmarks.plain_classifier import PlainClassifier
 from benchmarks.shared_data import SHARED
 from casebase.reasoning.diagnosis import DIAGNOSED_FROM, Reasoner
-from casebase.reasoning.evaluation import Proportion
 from casebase.search.case_table import CaseTable
 from signals.condition import OperatingCondition
 from signals.features import EXTRACTOR_VERSION, Extraction, extract
@@ -77,34 +76,6 @@ def _table(sounds: Sequence[Sound], extractions: Sequence[Extraction]) -> CaseTa
     values = np.array([each.features.values for each in extractions], dtype=np.float32)
     names = extractions[0].features.names
     return CaseTable(1, EXTRACTOR_VERSION, names, ids, labels, origins, origins, groups, ids, values)
-
-
-def answers(table: CaseTable, tested: CaseTable, distinct: bool = True) -> list[tuple[str, str, str]]:
-    """Return truth, best label and verdict of tested cases, each by the cases of other gearboxes."""
-    found = []
-    for group in np.unique(tested.gearboxes):
-        known = table.take(table.gearboxes != group) if distinct else table
-        reasoner = Reasoner(known)
-        for row in np.flatnonzero(tested.gearboxes == group):
-            judgement = reasoner.judge(tested.values[row])
-            found.append((str(tested.labels[row]), judgement.best.label, judgement.verdict()))
-    return found
-
-
-def said(right: int, of: int) -> str:
-    """Return a share with its interval."""
-    low, high = Proportion(right, of).interval
-    return f"{right / of:.3f} [{low:.2f}, {high:.2f}] of {of}"
-
-
-def row_of(name: str, work: Callable[[], list[tuple[str, str, str]]]) -> Row:
-    """Return accuracy, and how many were called new."""
-    start = time.perf_counter()
-    found = work()
-    right = sum(truth == best for truth, best, _ in found)
-    new = sum(verdict == "not_in_library" for *_, verdict in found)
-    seconds = (time.perf_counter() - start) / len(found)
-    return Row(name, seconds, note=f"right {said(right, len(found))}; called new {new / len(found):.3f}")
 
 
 # -- nearest neighbours and one logistic, on the same splits
@@ -204,95 +175,7 @@ def _calibration(given: NDArray[np.float64]) -> str:
     )
 
 
-# -- other machines
-
-
-def spectraquest_sounds(seconds: float = 2.0) -> list[tuple[int, int, Sound]]:
-    """Return load, channel and windows of the SpectraQuest recordings; the load stands for the gearbox."""
-    found = []
-    for path in sorted((DATA / "spectraquest").glob("*.wav")):
-        samples, rate = soundfile.read(path, dtype="float32")
-        load = int(path.stem[-2:])
-        label = "normal" if path.stem.startswith("healthy") else "notch"
-        size = int(seconds * rate)
-        for start in range(0, len(samples) - size + 1, size):
-            for channel in range(samples.shape[1]):
-                part = samples[start : start + size, channel]
-                condition = OperatingCondition(steady=True)
-                name = f"{path.stem}/{channel}/{start}"
-                found.append((load, channel, Sound(name, part, float(rate), label, f"load{load}", condition)))
-    return found
-
-
-def spectraquest() -> list[Row]:
-    """Train on loads 0 to 20, test on 30 to 50; train on one sensor, test on another.
-
-    One assembly per class: class and assembly cannot be told apart in these data.
-    """
-    sounds = spectraquest_sounds()
-    table = table_of([sound for *_, sound in sounds])
-    light = np.array([load <= 20 for load, *_ in sounds])
-    channel = np.array([number for _, number, _ in sounds])
-
-    def within() -> list[tuple[str, str, str]]:
-        return [
-            answer
-            for number in range(4)
-            for answer in answers(
-                table.take(light & (channel == number)), table.take(~light & (channel == number)), distinct=False
-            )
-        ]
-
-    def across() -> list[tuple[str, str, str]]:
-        return [
-            answer
-            for here, there in itertools.permutations(range(4), 2)
-            for answer in answers(
-                table.take(light & (channel == here)), table.take(~light & (channel == there)), distinct=False
-            )
-        ]
-
-    return [
-        row_of("spectraquest, loads 0-20 -> 30-50, same sensor (class = assembly)", within),
-        row_of("spectraquest, loads 0-20 -> 30-50, other sensor (class = assembly)", across),
-    ]
-
-
-def seu(window_s: float = 0.1) -> list[Row]:
-    """Five classes split by time, three channels of the planetary gear."""
-    parts: list[tuple[bool, int, Sound]] = []
-    for path in sorted((DATA / "seu").glob("*.wav")):
-        samples, rate = soundfile.read(path, dtype="float32")
-        size = int(window_s * rate)
-        for index, start in enumerate(range(0, len(samples) - size + 1, size)):
-            for channel in (1, 2, 3):
-                sound = Sound(
-                    f"{path.stem}/{start}",
-                    samples[start : start + size, channel],
-                    float(rate),
-                    path.stem,
-                    f"part{index}",
-                    OperatingCondition(steady=True),
-                )
-                parts.append((start < len(samples) // 2, channel, sound))
-    early = np.array([first for first, *_ in parts])
-    channel = np.array([number for _, number, _ in parts])
-    table = table_of([sound for *_, sound in parts])
-    start_time = time.perf_counter()
-    heard: list[NDArray[np.float64]] = []
-    for number in (1, 2, 3):
-        known, tested = table.take(early & (channel == number)), table.take(~early & (channel == number))
-        reasoner = Reasoner(known)
-        judged = [reasoner.judge(values).hypotheses for values in tested.values]
-        heard.append(np.log([[each.probability for each in sorted(one, key=lambda h: h.label)] for one in judged]))
-    truth = table.labels[~early & (channel == 1)]
-    best = np.array(known.classes)[sum(heard).argmax(axis=1)]
-    seconds = (time.perf_counter() - start_time) / truth.size
-    note = f"right {said(int((best == truth).sum()), truth.size)}"
-    return [Row(f"seu, 5 classes split by time, windows of {window_s} s", seconds, note=note)]
-
-
-PARTS: tuple[Callable[[], list[Row]], ...] = (side_by_side, field_bank, spectraquest, seu)
+PARTS: tuple[Callable[[], list[Row]], ...] = (side_by_side, field_bank)
 
 
 def run() -> list[Row]:

@@ -68,20 +68,6 @@ def test_motor_torque_balances_inertia_friction_and_loss(scene: Scene) -> None:
     assert np.std(unbalanced[moving]) < 0.01 * np.std(done.recording.motor_torque[moving])
 
 
-def test_half_the_step_changes_the_torque_by_little(scene: Scene) -> None:
-    motion, axis = scene.motion, scene.axis
-    coarse = np.arange(int(6.0 / STEP_S))
-    results = []
-    for parts in (1, 2):
-        fine = np.arange(len(coarse) * parts) / parts
-        reference = [np.interp(fine, coarse, v[: len(coarse)]) for v in (motion.position, motion.speed)]
-        acceleration = np.interp(fine, coarse, motion.acceleration[: len(coarse)])
-        counts = (STEPS_PER_SAMPLE * parts, STEPS_PER_SERVO * parts)
-        results.append(run(axis, *reference, acceleration, np.zeros(len(fine)), STEP_S / parts, *counts, 0.0)[0])
-    change = results[1][:, 0] - results[0][:, 0]
-    assert np.std(change) < 0.001 * np.std(results[0][:, 0])
-
-
 def test_teeth_carry_nothing_within_the_play_and_never_pull(scene: Scene) -> None:
     mesh = scene.axis.output._replace(backlash=1e-3)
     for twist in np.linspace(-4.999e-4, 4.999e-4, 21):
@@ -99,19 +85,6 @@ def test_stiction_holds_the_load_against_less_than_its_limit(scene: Scene) -> No
     slipping, _ = _run(axis, rest, np.full(len(rest), 1.5 * axis.load_coulomb))
     assert not held[:, 2].any()
     assert slipping[-1, 2] > 0.0
-
-
-def test_twist_at_rest_is_torque_over_stiffness(scene: Scene) -> None:
-    axis = _frictionless(scene.axis)
-    meshes = [mesh._replace(backlash=0.0) for mesh in (axis.transfer, axis.output)]
-    # damped enough to come to rest
-    axis = axis._replace(transfer=meshes[0], output=meshes[1]._replace(damping=20 * meshes[1].damping))
-    rest, torque = np.zeros(int(2.0 / STEP_S)), 100.0
-    signals, _ = _run(axis, rest, np.full(len(rest), torque))
-    _, motor_angle, load_angle, _, _ = signals[-1]
-    through_transfer = torque / (axis.output.ratio**2 * axis.transfer.stiffness)
-    twist = load_angle - motor_angle / (axis.transfer.ratio * axis.output.ratio)
-    assert twist == pytest.approx(torque / axis.output.stiffness + through_transfer, rel=1e-3)
 
 
 def test_same_seed_same_data_and_another_seed_other_data(scenario: Scenario) -> None:

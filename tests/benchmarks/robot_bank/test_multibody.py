@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.robot_bank.arm import Arm, ball, draw_arm
-from benchmarks.robot_bank.multibody import Array, Chain, torques
+from benchmarks.robot_bank.arm import Arm, draw_arm
+from benchmarks.robot_bank.multibody import Array, torques
 
 GRAVITY = np.array([1.2, -0.7, -9.6])
 
@@ -59,13 +59,3 @@ def test_torques_are_those_of_lagrange_by_differences_of_the_energies(seed: int)
         expected[j] = (later - earlier) / (2 * small) - force
     (found,) = torques(arm.chain, arm.bodies, q, qd, qdd, GRAVITY)
     np.testing.assert_allclose(found, expected, atol=1e-4 * np.max(np.abs(found)))
-
-
-def test_a_pendulum_has_the_torque_of_its_closed_form() -> None:
-    body = ball(3.0, np.array([0.4, 0.0, 0.0]), 0.1)
-    chain = Chain(np.array([[0.0, 1.0, 0.0]]), np.zeros((1, 3)))
-    q, qd, qdd = np.random.default_rng(0).uniform(-3, 3, (3, 50, 1))
-    found = torques(chain, (body,), q, qd, qdd, np.array([0.0, 0.0, -9.81]))
-    # positive about y turns x downwards: the weight helps
-    expected = (0.4 * 3.0 * 0.1**2 + 3.0 * 0.4**2) * qdd - 3.0 * 9.81 * 0.4 * np.cos(q)
-    np.testing.assert_allclose(found, expected, atol=1e-12)

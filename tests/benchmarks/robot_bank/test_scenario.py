@@ -6,7 +6,6 @@ import json
 import tomllib
 from functools import lru_cache
 from pathlib import Path
-from xml.etree import ElementTree as Xml
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from benchmarks.robot_bank.drive import bristles
 from benchmarks.robot_bank.effects import LEVELS
 from benchmarks.robot_bank.multibody import Array, torques
 from benchmarks.robot_bank.scenario import Scenario, generate, write
-from benchmarks.robot_bank.urdf import last_frame
 
 SHORT_S = 4.0
 
@@ -103,18 +101,3 @@ def test_what_is_hidden_is_at_one_joint_and_not_in_the_description(kind: str, tm
         motor = tomllib.loads((tmp_path / file).read_text())["motor"]
         for mechanism, key in absent.items():
             assert (motor[key] == 0) == (kind == mechanism and joint == hidden["location"])
-
-
-def test_a_payload_stands_where_the_urdf_has_the_last_link(tmp_path: Path) -> None:
-    scenario = _made("payload")
-    (hidden,) = scenario.hidden
-    rotation, origin = last_frame(scenario.written)
-    center = np.array([hidden["sizes"][f"center_{c}_m"] for c in "xyz"])
-    payload = scenario.robot.payload
-    assert payload is not None
-    np.testing.assert_allclose(origin + rotation @ center, payload.center, atol=1e-12)
-    write(scenario, tmp_path)
-    assert "payload" not in tomllib.loads((tmp_path / "robot.toml").read_text())
-    flange = Xml.parse(tmp_path / "arm.urdf").find("joint[@name='flange_joint']/parent")
-    assert flange is not None
-    assert flange.get("link") == "link_6"

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.robot_bank.arm import draw_arm
 from benchmarks.robot_bank.multibody import Array, rotation_about
-from benchmarks.robot_bank.urdf import draw_written, roll_pitch_yaw, write_urdf
+from benchmarks.robot_bank.urdf import draw_written, write_urdf
 
 
 def _rotation(rpy: Array) -> Array:
@@ -80,9 +80,3 @@ def test_read_back_it_has_its_masses_where_the_arm_has_them(seed: int) -> None:
         found = _bodies_in_world(urdf, dict(zip(written.names, angles, strict=True)))
         for one, other in zip(_moments(found), _moments(expected), strict=True):
             np.testing.assert_allclose(one, other, atol=1e-6 * float(np.max(np.abs(other))))
-
-
-@pytest.mark.parametrize("pitch", [0.3, np.pi / 2, -np.pi / 2])
-def test_roll_pitch_and_yaw_give_the_rotation_again(pitch: float) -> None:
-    rotation = _rotation(np.array([0.7, pitch, -2.0]))
-    np.testing.assert_allclose(_rotation(roll_pitch_yaw(rotation)), rotation, atol=1e-9)
