@@ -91,7 +91,6 @@ chaos: setup
 	$(BIN)/python -m benchmarks.chaos crash-points --minutes 25
 	$(BIN)/python -m benchmarks.chaos kills --minutes 20
 	$(BIN)/python -m benchmarks.chaos machines
-	$(BIN)/python -m benchmarks.chaos backups
 
 # wrong inputs of every kind, then ten minutes of mixed load: half an hour on two cores
 bombs: setup

@@ -64,11 +64,6 @@ def _axis_sound(folder: Path, row: dict[str, str]) -> Sound:
     return Sound(row["file"], samples, float(rate), row["label"], row["gearbox"], condition)
 
 
-def table_of(sounds: Sequence[Sound]) -> CaseTable:
-    """Return the sounds as a table of measured cases."""
-    return _table(sounds, [sound.extraction() for sound in sounds])
-
-
 def _table(sounds: Sequence[Sound], extractions: Sequence[Extraction]) -> CaseTable:
     ids = np.array([f"{row:032x}" for row in range(len(sounds))])
     labels, groups = np.array([each.label for each in sounds]), np.array([each.group for each in sounds])

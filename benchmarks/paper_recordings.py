@@ -128,20 +128,4 @@ def trace_of(each: Scenario) -> CrestTrace:
 @functools.cache
 def usual_traces(label: str) -> tuple[CrestTrace, ...]:
     """The traces of `DRAWS` draws of the one configuration."""
-    return tuple(crest_traces(label, DRAWS))
-
-
-def crest_traces(label: str, draws: int, values: Mapping[str, float] = USUAL) -> list[CrestTrace]:
-    """The traces of so many draws."""
-    return [trace_of(scenario(label, seed, values)) for seed in range(draws)]
-
-
-def mean_crest_factor(label: str, draws: int, values: Mapping[str, float] = USUAL) -> float:
-    """Crest factor of the record, mean over draws: what stands beside the paper's row."""
-    return float(np.mean([trace.largest for trace in crest_traces(label, draws, values)]))
-
-
-def all_drawn(seed: int) -> dict[str, float]:
-    """All open numbers drawn at once, each evenly over its range."""
-    random = np.random.default_rng(seed)
-    return {each.name: each.at(random.random()) for each in OPEN}
+    return tuple(trace_of(scenario(label, seed)) for seed in range(DRAWS))

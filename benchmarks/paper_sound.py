@@ -20,9 +20,7 @@ from scipy.stats import norm
 
 from benchmarks.paper_recordings import (
     DRAWS,
-    MIDDLE,
     NOTCH_S,
-    OPEN,
     PAPER,
     RECORD_S,
     REVERSAL_S,
@@ -31,9 +29,7 @@ from benchmarks.paper_recordings import (
     STROKE_S,
     USUAL,
     Sound,
-    all_drawn,
     behind_the_play,
-    mean_crest_factor,
     scenario,
     trace_of,
     usual_traces,
@@ -50,12 +46,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
-FEW_DRAWS = 4
-"""For each end of a range: the same seeds as in the middle, so that the difference is that of the number."""
-ALL_DRAWN = 60
 PAPER_OVER_MEAN = {"normal": "", "play": "more than four", "notch": "about seven"}
-OF_A_FAULT = {"gap_rad": "play", "depth_rad": "notch"}
-OVER_MEAN_S = (0.02, 0.05, WINDOW_S, 0.2)
 
 
 def noise_floor(seconds: float) -> float:
@@ -107,50 +98,6 @@ def moved_rows() -> str:
     return rows_of(
         {label: [trace_of(behind_the_play(scenario(label, seed))) for seed in range(DRAWS)] for label in PAPER}
     )
-
-
-def windows() -> str:
-    """Largest over mean of the trace by window, over all draws."""
-    rows = []
-    for label in ("play", "notch"):
-        sounds = [scenario(label, seed).perform() for seed in range(DRAWS)]
-        traces = [[crest_trace(sound, SAMPLE_RATE_HZ, window) for sound in sounds] for window in OVER_MEAN_S]
-        rows.append([label, *(f"{np.mean([x.largest / x.mean for x in each]):.1f}" for each in traces)])
-    return markdown(["window [s]", *(f"{window:g}" for window in OVER_MEAN_S)], rows)
-
-
-def sensitivities() -> str:
-    """Each open number at the ends of its range, the others as usual."""
-    rows = []
-    for words, values in (("as usual", USUAL), ("all in the middle (full speed in 0.3 s)", MIDDLE)):
-        rows.append([words, "", *(f"**{mean_crest_factor(label, FEW_DRAWS, values):.1f}**" for label in PAPER)])
-    for each in OPEN:
-        cells = []
-        for label in PAPER:
-            if each.name in OF_A_FAULT and OF_A_FAULT[each.name] != label:
-                cells.append("")
-                continue
-            ends = [{**USUAL, each.name: each.at(share)} for share in (0.0, 1.0)]
-            low, high = (mean_crest_factor(label, FEW_DRAWS, values) for values in ends)
-            cells.append(f"{low:.1f}, {high:.1f}")
-        rows.append([f"`{each.name}`", f"{each.low:.3g}, {USUAL[each.name]:.3g}, {each.high:.3g}", *cells])
-    return markdown(["number", "low, usual, high", *PAPER], rows)
-
-
-def drawn_at_once() -> str:
-    """All open numbers drawn at once: where the paper's values lie among the crest factors."""
-    found = {
-        label: np.array([trace_of(scenario(label, seed, all_drawn(seed))).largest for seed in range(ALL_DRAWN)])
-        for label in PAPER
-    }
-    rows = []
-    for label, values in found.items():
-        low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
-        below = int((values < PAPER[label]).sum())
-        rows.append([label, f"{low:.1f}, {middle:.1f}, {high:.1f}", f"{PAPER[label]:g}", f"{below}"])
-    ordered = int(((found["normal"] < found["play"]) & (found["normal"] < found["notch"])).sum())
-    words = f"\n\nnormal below both faults of the same draw: {ordered}"
-    return markdown(["", f"5 %, median, 95 % of {ALL_DRAWN} draws", "the paper", "draws below it"], rows) + words
 
 
 def items() -> str:
@@ -297,10 +244,7 @@ def main(out: Path) -> None:
     for words, made in (
         (f"measured rows, {DRAWS} draws", measured_rows),
         (f"the same with the paper's friction behind the play, {DRAWS} draws", moved_rows),
-        (f"largest over mean of the trace, {DRAWS} draws", windows),
         (f"what each item adds, {DRAWS} draws", items),
-        (f"sensitivities, {FEW_DRAWS} draws", sensitivities),
-        (f"all open numbers drawn at once, {ALL_DRAWN} draws", drawn_at_once),
     ):
         print(f"{words}\n\n{made()}\n", flush=True)
     print(f"noise alone below 200 Hz has {noise_floor(RECORD_S):.2f} in the median over {RECORD_S:.2f} s")

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.chaos crash-points | kills | machines | backups`: says what was tried; 1 if it went wrong.
+"""`python -m benchmarks.chaos crash-points | kills | machines`: says what was tried; 1 if it went wrong.
 
 Everything is bounded by `--minutes`, and goes no further than the loopback of this machine and network namespaces of
 its own.
@@ -69,18 +69,6 @@ def machines(chosen: argparse.Namespace) -> list[str]:
     return wrong
 
 
-def backups(chosen: argparse.Namespace) -> list[str]:
-    from benchmarks.chaos.backups import run
-
-    wrong: list[str] = []
-    for database in chosen.database:
-        with tempfile.TemporaryDirectory(prefix="gearcase-chaos-") as folder:
-            words, found = run(Path(folder), database, backups=chosen.backups, seed=chosen.seed)
-        print(f"{database:<11} {words}; {len(found)} wrong")
-        wrong += [f"{database}: {each}" for each in found]
-    return wrong
-
-
 def main() -> None:
     """Run a part and say what was wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -97,10 +85,7 @@ def main() -> None:
     apart.add_argument("--duration-s", type=float, default=10.0, help="of each simulated recording [s]")
     apart.add_argument("--lease-s", type=float, default=15.0)
     apart.set_defaults(run=machines)
-    kept = parts.add_parser("backups", help="back up while clients write, restore into both databases, ask both")
-    kept.add_argument("--backups", type=int, default=3, help="while clients write; one more when they have ended")
-    kept.set_defaults(run=backups)
-    for part in (points, killing, apart, kept):
+    for part in (points, killing, apart):
         part.add_argument("--database", nargs="+", choices=("sqlite", "postgresql"), default=["sqlite", "postgresql"])
         part.add_argument("--minutes", type=float, default=20.0)
         part.add_argument("--seed", type=int, default=0)

@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -44,7 +44,6 @@ class Load:
 
     server: LiveServer
     seed: int
-    kinds: Sequence[str] = OFTEN
     stop: threading.Event = field(default_factory=threading.Event)
     acknowledged: dict[str, tuple[str, str]] = field(default_factory=dict)
     """By key: the kind, and where it is."""
@@ -57,7 +56,7 @@ class Load:
         count = 0
         while not self.stop.is_set():
             count += 1
-            kind, key = chance.choice(self.kinds), f"{number}-{count}"
+            kind, key = chance.choice(OFTEN), f"{number}-{count}"
             self._until_acknowledged(kind, key, KINDS[kind](1 + 100_000 * number + count), headers)
 
     def _until_acknowledged(self, kind: str, key: str, options: Options, headers: dict[str, str]) -> None:

@@ -1,16 +1,11 @@
 """Ask the product what it makes of the bank: `python -m benchmarks.field_bank --half work`."""
 
 import argparse
-import json
 import sys
 import tempfile
 import time
 from collections import Counter
-from dataclasses import asdict
 from pathlib import Path
-
-import numpy as np
-import soundfile as sf
 
 from benchmarks.field_bank import bank as banks
 from benchmarks.field_bank import product, score
@@ -27,9 +22,7 @@ def main() -> None:
     parser.add_argument("--only", metavar="KIND", help="undisturbed recordings and this kind, or foreign")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="ask only each Nth recording of a kind")
     parser.add_argument("--jobs", type=int, default=2, help="diagnoses at once")
-    parser.add_argument("--json", type=Path, metavar="OUT", help="totals and every answer")
     parser.add_argument("--cache", type=Path, default=Path(tempfile.gettempdir()) / "gearcase-field-bank")
-    parser.add_argument("--sounds-only", action="store_true", help="make the sounds, say their levels, ask nothing")
     a = parser.parse_args()
     begin = time.monotonic()
 
@@ -44,10 +37,6 @@ def main() -> None:
     asked = thinned(asked, a.every)
     files, questions = [f for f, _ in asked], [q for _, q in asked]
     say(f"{len(files)} sounds in {files[0].parent}", begin)
-    if a.sounds_only:
-        print("\n".join(f"{file.name} {q.kind:<20} {levels(file)}" for file, q in asked))
-        return
-
     axis = None if a.source == "own" else banks.AXIS / "axis.toml"
     answers: dict[Path, product.Answer] = {}
     libraries = banks.libraries(a.half, a.source, a.gearboxes)
@@ -62,17 +51,6 @@ def main() -> None:
     boxes = f", {a.gearboxes} gearboxes" if a.source == "own" and a.library != "starter" else ""
     print(f"\nhalf {a.half}, source {a.source}, library {a.library}{boxes}\n\n{score.report(rows)}")
     print(f"\n{time.monotonic() - begin:.0f} s")
-    if a.json:
-        document = {
-            "half": a.half,
-            "source": a.source,
-            "library": a.library,
-            "gearboxes": a.gearboxes,
-            "totals": {k: {"part": p, "whole": w} for k, (p, w) in score.totals(rows).items()},
-            "calibration_error": score.reliability(rows).error,
-            "answers": [{"file": f.name} | asdict(r) for f, r in zip(files, rows, strict=True)],
-        }
-        a.json.write_text(json.dumps(document, indent=1))
 
 
 def thinned(asked: list[tuple[Path, banks.Question]], every: int) -> list[tuple[Path, banks.Question]]:
@@ -85,13 +63,6 @@ def thinned(asked: list[tuple[Path, banks.Question]], every: int) -> list[tuple[
             kept.append((file, q))
         seen[kind] += 1
     return kept
-
-
-def levels(file: Path) -> str:
-    """Return rate, duration in s, rms and peak of a sound as text."""
-    x, rate = sf.read(file)
-    peak = float(np.max(np.abs(x)))
-    return f"{rate:>6} Hz {x.shape[0] / rate:6.2f} s rms {float(np.std(x)):.4f} peak {peak:.4f}"
 
 
 def say(what: str, begin: float) -> None:

@@ -14,7 +14,6 @@ from benchmarks.hidden_effects.generator import Recipe, Scenario, draw_recipe, g
 from benchmarks.hidden_effects.generator.effects import PLANT_EFFECTS, SENSOR_EFFECTS, SOUND_EFFECTS, UNNAMED_EFFECTS
 from benchmarks.hidden_effects.generator.recipe import COMPARED, CONFOUNDED, HEARD, PAIRS, RECORDED_TWICE
 
-CALIBRATION_SEEDS = range(100_000)
 BANK_SEED = 1_000_000
 SEEDS_EACH = 10
 

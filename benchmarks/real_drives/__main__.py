@@ -1,4 +1,4 @@
-"""`python -m benchmarks.real_drives [WORDS] [--parts | --dresses]`: what is said of real drives beside what is true of
+"""`python -m benchmarks.real_drives [WORDS] [--parts]`: what is said of real drives beside what is true of
 them."""
 
 from __future__ import annotations
@@ -7,7 +7,7 @@ import argparse
 import time
 from dataclasses import dataclass
 
-from benchmarks.real_drives.drives import Drive, cut, dressed, drives
+from benchmarks.real_drives.drives import Drive, cut, drives
 from signals.errors import TelemetryError
 from sim.errors import SimulationError
 from sim.investigation.data.validation import InvestigationError
@@ -16,7 +16,6 @@ from sim.investigation.results import Investigation
 
 LOUD = 0.9
 OFF = 0.3  # of a published size
-SAID = 0.5
 
 
 @dataclass
@@ -25,7 +24,6 @@ class Tally:
     refused: int = 0
     loud: int = 0
     right: int = 0
-    names: tuple[str, ...] = ()
     wanted: int = 0
     found: int = 0
     sizes: int = 0
@@ -69,10 +67,8 @@ def line(drive: Drive, tally: Tally) -> str:
         result = investigate(drive.description(), drive.telemetry())
     except (InvestigationError, TelemetryError, SimulationError) as refused:
         tally.refused += 1
-        tally.names = ("refused",)
         return f"{drive.name} [{drive.part}]: REFUSED {refused}"
     wrong = of_truth(drive, result, tally)
-    tally.names = tuple(sorted(f.mechanism for f in result.findings if f.probability >= SAID))
     said = "; ".join(
         f"{f.mechanism}@{f.location} {f.probability:.2f}"
         f" ({', '.join(f'{e.name} {e.value:.3g} [{e.low:.3g} {e.high:.3g}]' for e in f.parameters)})"
@@ -94,25 +90,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("words", nargs="*", help="only drives whose name has all of these")
     parser.add_argument("--parts", action="store_true", help="also halves of each record, and every second row")
-    parser.add_argument("--dresses", action="store_true", help="each log in three dresses: is the same named?")
     parser.add_argument("--not", dest="out", nargs="*", default=[], help="no drive whose name has one of these")
     chosen = parser.parse_args()
     tally = Tally()
-    same = dresses = 0
     for drive in drives():
         if not all(word in drive.name for word in chosen.words) or any(word in drive.name for word in chosen.out):
             continue
-        if chosen.dresses:
-            names = []
-            for one in dressed(drive):
-                print(line(one, tally), flush=True)
-                names.append(tally.names)
-            dresses, same = dresses + len(names) - 1, same + sum(name == names[0] for name in names[1:])
-            continue
         for one in cut(drive) if chosen.parts else [drive]:
             print(line(one, tally), flush=True)
-    if chosen.dresses:
-        print(f"the same is named in {same} of {dresses} dresses")
     print(
         f"{tally.runs} runs, {tally.refused} refused; names with {LOUD}: {tally.right} of {tally.loud} right; wanted "
         f"{tally.found} of {tally.wanted}; sizes within {OFF:.0%}: {tally.close} of {tally.sizes}"

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-
-import numpy as np
 
 from benchmarks.shared_data import SHARED
 from signals.telemetry import Telemetry, read_telemetry
@@ -105,8 +101,7 @@ class Drive:
         return PARTS[self.part](whole)
 
     def description(self) -> Axis:
-        axis = read_axis(SHARED / "data" / self.axis)
-        return faster(axis) if self.part == FASTER else axis
+        return read_axis(SHARED / "data" / self.axis)
 
 
 def _rows(t: Telemetry, first: int, end: int, step: int = 1) -> Telemetry:
@@ -119,51 +114,11 @@ def _rows(t: Telemetry, first: int, end: int, step: int = 1) -> Telemetry:
     )
 
 
-FASTER, TIMES = "told of a motor that turns twice as fast", 2.0
-OTHER_UNITS = {  # unit and factor by the end of a channel's name
-    "torque_nm": ("mN.m", 1e3), "position_rad": ("deg", 180.0 / np.pi), "speed_rad_s": ("rpm", 30.0 / np.pi),
-}  # fmt: skip
-
-
-def _in_other_units(t: Telemetry) -> Telemetry:
-    """The same log with ms, deg, rpm and mN m in columns of other names, read by its map."""
-    columns, lines = [1e3 * t.time_s], ['[time_s]\ncolumn = 1\nunit = "ms"\n']
-    for name, values in t.channels.items():
-        unit, factor = next(what for end, what in OTHER_UNITS.items() if name.endswith(end))
-        columns.append(np.where(t.lost[name], np.nan, factor * values) if name in t.lost else factor * values)
-        lines.append(f'[{name}]\ncolumn = {len(columns)}\nunit = "{unit}"\n')
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "log.csv"
-        header = ",".join(f"column {k}" for k in range(1, len(columns) + 1))
-        np.savetxt(path, np.stack(columns, axis=1), fmt="%.17g", delimiter=",", header=header, comments="")
-        return read_telemetry(path, channels="".join(lines))
-
-
-def _faster(t: Telemetry) -> Telemetry:
-    """What a motor with `TIMES` the ratio would have told of the same motion of the load."""
-    by = {"motor_torque_nm": 1.0 / TIMES, "motor_position_rad": TIMES, "motor_speed_rad_s": TIMES}
-    return replace(t, channels={name: by.get(name, 1.0) * values for name, values in t.channels.items()})
-
-
-def faster(axis: Axis) -> Axis:
-    """The same axis with `TIMES` the ratio: its motor has less inertia, and less friction that is described."""
-    first, *rest = axis.stages
-    motor = replace(
-        axis.motor,
-        inertia_kg_m2=axis.motor.inertia_kg_m2 / TIMES**2,
-        coulomb_friction_n_m=axis.motor.coulomb_friction_n_m / TIMES,
-        viscous_friction_n_m_s_per_rad=axis.motor.viscous_friction_n_m_s_per_rad / TIMES**2,
-    )
-    return replace(axis, motor=motor, stages=(replace(first, ratio=TIMES * first.ratio), *rest))
-
-
 PARTS: Mapping[str, Callable[[Telemetry], Telemetry]] = {
     "whole": lambda t: t,
     "first half": lambda t: _rows(t, 0, t.rows // 2),
     "second half": lambda t: _rows(t, t.rows // 2, t.rows),
     "every second row": lambda t: _rows(t, 0, t.rows, 2),
-    "in other units": _in_other_units,
-    FASTER: _faster,
 }
 
 FRICTION = frozenset({"coulomb_friction", "viscous_friction"})
@@ -270,12 +225,3 @@ def cut(drive: Drive) -> Iterator[Drive]:
     """Records cut out of a log."""
     for part in ("whole", "first half", "second half", "every second row"):
         yield replace(drive, part=part)
-
-
-def dressed(drive: Drive) -> Iterator[Drive]:
-    """The same log as it is, in other units, told at another side of a gear where there is one, at half the rate."""
-    yield drive
-    yield replace(drive, part="in other units")
-    if drive.description().stages:
-        yield replace(drive, part=FASTER)
-    yield replace(drive, part="every second row")

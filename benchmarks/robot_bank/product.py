@@ -10,7 +10,6 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -61,30 +60,11 @@ def _run(arguments: list[str]) -> Answer:
         return Answer(done.stdout, done.stderr, done.returncode, time.perf_counter() - start)
 
 
-@lru_cache
-def takes_robots() -> bool:
-    """Whether the command line knows robots."""
-    return "--robot" in _run(["investigate", "--help"]).stdout
-
-
 def investigate(folder: Path) -> Answer:
     """Let the product investigate robot.toml, log.csv and channels.toml of a folder."""
     files = {"--robot": "robot.toml", "--telemetry": "log.csv", "--channels": "channels.toml"}
     options = [part for option, name in files.items() for part in (option, str(folder / name))]
     return _run(["investigate", *options, "--json"])
-
-
-class FailedError(Exception):
-    """The product gave no document."""
-
-
-def run(folder: Path, options: list[str]) -> dict[str, Any]:
-    """Return the document of an investigation of files of a folder; raises FailedError where there is none."""
-    files = [str(folder / word) if word.endswith((".toml", ".csv")) else word for word in options]
-    answer = _run(["investigate", *files])
-    if answer.document is None:
-        raise FailedError(answer.failure)
-    return answer.document
 
 
 def peak_mib() -> float:

@@ -5,7 +5,6 @@ Results are kept as lines of JSON in a file, so that a run that was stopped goes
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import tempfile
@@ -101,13 +100,3 @@ def write(cases: Sequence[Case], folder: Path) -> None:
         answers.append(case.write(folder / case.key.split()[0]))
         (folder / "answers.json").write_text(json.dumps(answers, indent=1))
         print(case.key, flush=True)
-
-
-def options(parser: argparse.ArgumentParser, kinds: Sequence[str], out: Path) -> None:
-    """Add what a bank is asked."""
-    parser.add_argument("--count", type=int, default=150, help="cases; of every 150 a hundred hide something")
-    parser.add_argument("--seed", type=int, default=1, help="of the bank")
-    parser.add_argument("--kind", nargs="+", choices=kinds, default=[], help="only these kinds")
-    parser.add_argument("--jobs", type=int, default=2, help="processes side by side")
-    parser.add_argument("--write", type=Path, help="instead: write the files of the cases and answers.json there")
-    parser.add_argument("--out", type=Path, default=out, help="where results are kept")

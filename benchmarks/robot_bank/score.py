@@ -14,6 +14,8 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
+from scipy.stats import binomtest
+
 SAID = 0.5
 SURE = 0.9
 PARAMETER_TOLERANCE = 0.2
@@ -166,12 +168,8 @@ def _friction_sizes(answer: JSON, said: Sequence[JSON]) -> tuple[Size | None, ..
 
 def wilson(right: int, total: int) -> tuple[float, float]:
     """Return the 95 % interval of a share (E. B. Wilson, 1927)."""
-    if total == 0:
-        return 0.0, 1.0
-    z, share = 1.96, right / total
-    middle = (share + z**2 / (2 * total)) / (1 + z**2 / total)
-    half = z * math.sqrt(share * (1 - share) / total + z**2 / (4 * total**2)) / (1 + z**2 / total)
-    return middle - half, middle + half
+    found = binomtest(right, max(total, 1)).proportion_ci(method="wilson") if total else (0.0, 1.0)
+    return float(found[0]), float(found[1])
 
 
 def _share(title: str, right: int, total: int, wanted: str = "") -> str:

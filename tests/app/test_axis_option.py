@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from app.commands import record
 from benchmarks.harness.live import gearcase
 from benchmarks.harness.sounds import sound
 
@@ -58,31 +57,3 @@ def test_a_folder_of_the_same_name_is_no_axis(data_dir: Path, tmp_path: Path, mo
     monkeypatch.chdir(tmp_path)
     words = ("simulate", "--axis", "bench", "--duration", "1", "--out", "run", "--json")
     assert gearcase(*words, data_dir=data_dir).code == 0
-
-
-class Told(Exception):
-    """What would have been sent."""
-
-
-@pytest.mark.parametrize(("words", "steady"), [(("--steady",), True), ((), None)])
-def test_steady_is_sent(
-    data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], steady: bool | None
-) -> None:
-    sent: list[dict[str, object]] = []
-
-    def diagnose(_remote: object, _path: Path, metadata: dict[str, object], *_: object) -> dict[str, object]:
-        sent.append(metadata)
-        raise Told
-
-    (tmp_path / "a.wav").write_bytes(sound(1))
-    for folder in ("memory", "b"):
-        (tmp_path / folder).mkdir()
-    monkeypatch.setenv("GEARCASE_KEY", "gearcase_x")
-    monkeypatch.setattr("app.recordings.remote.Remote.diagnose", diagnose)
-    monkeypatch.setattr(record, "_record", lambda target, *_: target.write_bytes(sound(1)))
-    axis = str(data_dir.parent / "axis.toml")
-    watched = ("watch", tmp_path, "--once", "--settle", "0", "--memory", tmp_path / "memory" / "sent")
-    gearcase(*watched, "--axis", axis, *words, data_dir=tmp_path)
-    gearcase("record", "--out", tmp_path / "b" / "r.wav", "--anyway", "--axis", axis, *words, data_dir=tmp_path)
-    assert [each.get("steady") for each in sent] == [steady] * 2
-    assert {each["axis"] for each in sent} == {"bench"}

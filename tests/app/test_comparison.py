@@ -1,19 +1,14 @@
 """What the simulated sound gets wrong: distances that are 0 where nothing differs, causes found by replacing them."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from app.cli import run
-from app.commands import BAD_INPUT
-from app.simulated.comparison import CAUSES, Half, Space, _families, compare
+from app.simulated.comparison import CAUSES, Space, _families, compare
 from signals.features import catalogue
 from sim.acoustics.transfer_path_fit import NormalRecording, scenario_like
-from sim.description.axis_document import write_axis
 from sim.errors import ParameterError
-from sim.experiment.design_of_experiments import path_rms, plan
 from sim.experiment.paper_axis import PAPER_AXIS
 from sim.experiment.virtual_measurement import DEFAULT_MICROPHONE
 
@@ -64,28 +59,6 @@ def test_the_family_that_differs_is_named_with_the_cause_that_mends_it() -> None
     assert {each.cause for each in others} == {None}
 
 
-def test_a_cause_replaces_its_own_part_of_the_sound_and_no_other() -> None:
-    (planned,) = plan(PAPER_AXIS, {"notch": 1}, 2)
-    heard = NormalRecording(np.zeros(40_000, np.float32), 2.2, 31.0, 3.0)
-    half = Half(PAPER_AXIS, (heard,), {})
-    half.__dict__["microphones"] = (replace(DEFAULT_MICROPHONE, ambient_slope=0.3),)
-    random = np.random.default_rng(0)
-    own = planned.scenario.microphone
-
-    moved = half.motion(planned, random).scenario
-    assert (moved.axis.motion.period_s, moved.axis.motion.load_speed_rad_s, moved.payload_kg_m2) == (3.0, 2.2, 31.0)
-    assert moved.microphone == own
-
-    quiet = half.room_noise(planned, random).scenario.microphone
-    assert replace(quiet, ambient_n_m=own.ambient_n_m, ambient_slope=own.ambient_slope) == own
-    share = DEFAULT_MICROPHONE.ambient_n_m / (DEFAULT_MICROPHONE.rubbing_n_m * path_rms(DEFAULT_MICROPHONE))
-    assert quiet.ambient_n_m / (quiet.rubbing_n_m * path_rms(quiet)) == pytest.approx(share)
-
-    path = half.microphone_band(planned, random).scenario.microphone
-    assert path.modes == DEFAULT_MICROPHONE.modes
-    assert path.rubbing_n_m == own.rubbing_n_m
-
-
 def test_recordings_that_move_as_none_of_the_simulated_do_have_motion_for_a_cause() -> None:
     heard = NormalRecording(np.zeros(32_000, np.float32), 2.9, 40.0, 1.5)
     recordings = {}
@@ -108,12 +81,3 @@ def test_what_cannot_be_compared_is_refused_with_what_is_needed() -> None:
     with pytest.raises(ParameterError, match="motion"):
         compare(PAPER_AXIS, "play", {}, {}, count=4, causes=("motoin",))
     assert "motion" in CAUSES
-
-
-def test_the_command_says_what_is_missing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    axis = tmp_path / "axis.toml"
-    axis.write_text(write_axis(PAPER_AXIS))
-    assert run(["--data-dir", str(tmp_path), "compare", "--axis", str(axis), "--label", "notch"]) == BAD_INPUT
-    said = capfd.readouterr()
-    assert "labelled 'notch'; two are needed" in said.err
-    assert said.out == ""

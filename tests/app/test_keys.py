@@ -30,12 +30,6 @@ def test_database_and_list_do_not_hold_the_key(live_server: LiveServer, admin: h
     connection.close()
 
 
-def test_keys_are_256_bits_and_differ(admin: httpx.Client) -> None:
-    made = {admin.post(KEYS, json={"name": "many", "role": "viewer"}).json()["key"] for _ in range(5)}
-    assert len(made) == 5
-    assert all(len(key.removeprefix("gearcase_")) == 43 for key in made)  # 256 bits in base64
-
-
 def test_last_admin_key_cannot_be_revoked(admin: httpx.Client) -> None:
     admins = [key for key in admin.get(KEYS).json()["items"] if key["role"] == "admin" and not key["revoked_at"]]
     for key in admins[1:]:
@@ -50,27 +44,6 @@ def test_audit_tells_who_made_a_key(admin: httpx.Client) -> None:
     entry = admin.get("/api/v1/audit", params={"limit": 1}).json()["items"][0]
     assert (entry["action"], entry["subject_id"], entry["request_id"]) == ("key.created", made["id"], "audit-1")
     assert entry["actor"].startswith("first admin#")
-
-
-def test_audit_pages_cover_everything_once(admin: httpx.Client) -> None:
-    for number in range(7):
-        admin.post(KEYS, json={"name": f"page {number}", "role": "viewer"})
-    whole = [entry["id"] for entry in admin.get("/api/v1/audit", params={"limit": 200}).json()["items"]]
-    seen, cursor = [], None
-    while len(seen) < 9:
-        page = admin.get("/api/v1/audit", params={"limit": 3, **({"cursor": cursor} if cursor else {})}).json()
-        seen += [entry["id"] for entry in page["items"]]
-        cursor = page["next_cursor"]
-    assert seen == whole[: len(seen)]
-
-
-def test_repeated_post_does_not_show_the_key_again(admin: httpx.Client) -> None:
-    headers = {"Idempotency-Key": "make-a-key"}
-    first = admin.post(KEYS, json={"name": "once", "role": "viewer"}, headers=headers)
-    again = admin.post(KEYS, json={"name": "once", "role": "viewer"}, headers=headers)
-    assert again.status_code == first.status_code == 201
-    assert again.json() == {**first.json(), "key": None}
-    assert again.headers["idempotent-replay"] == "true"
 
 
 def test_cookie_reads_but_changes_only_with_the_token(live_server: LiveServer) -> None:

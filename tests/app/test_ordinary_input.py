@@ -162,13 +162,6 @@ def test_a_number_of_400_digits_names_its_key_and_range(service: Inside, kind: s
     assert len(answer.json()["detail"]) < 200
 
 
-@pytest.mark.parametrize("encoding", ["latin-1", "utf-8", "cp1252"])
-def test_a_header_with_degrees_is_read_in_the_encodings_that_controls_write(service: Inside, encoding: str) -> None:
-    files = {"telemetry": ("log.csv", table("motor temperature [°C]").encode(encoding), "text/csv")}
-    answer = service.ask("POST", f"{API}/investigations", files=files, data={"axis": json.dumps(AXIS)})
-    assert answer.status_code == 202, answer.text
-
-
 def test_a_direct_drive_has_no_mechanisms_to_simulate_and_none_are_offered(service: Inside) -> None:
     direct = {"name": "direct", "motor": {"inertia_kg_m2": 0.1}, "load": {"inertia_kg_m2": 1.0}}
     service.ask("POST", f"{API}/axes", json=direct).raise_for_status()
@@ -207,12 +200,6 @@ def test_any_value_in_a_field_of_a_form(service: Inside, known: dict[str, str], 
         body = body.replace(quote("\N{BULLET}"), odd)
         answer = service.browse("POST", path.format(**known), content=body, headers=headers)
         assert answer.status_code < 500, (field, answer.text)
-
-
-def test_a_number_of_400_digits_in_a_query(service: Inside) -> None:
-    pages = ("/audit?before=", "/library?step=", "/queue?step=", "/library/review?edit=")
-    for path in (*pages, f"{API}/audit?cursor=", f"{API}/cases?limit="):
-        assert service.browse("GET", path + BIG).status_code < 500, path
 
 
 def test_what_was_stored_is_said_as_it_is(service: Inside, monkeypatch: pytest.MonkeyPatch) -> None:

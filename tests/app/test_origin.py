@@ -80,12 +80,6 @@ def test_confirmed_by_a_key_press_it_is_a_simulated_case(service: Inside) -> Non
     assert service.browse("POST", f"{page}/retain", data=how).headers["location"] == kept.headers["location"]
 
 
-def test_over_http_it_is_a_simulated_case(service: Inside) -> None:
-    asked = {"diagnosis_id": demonstration(service), "label": "notch"}
-    assert service.ask("POST", f"{API}/cases", json=asked).json()["origin"] == "simulated"
-    assert origins(service) == [("notch", "simulated")]
-
-
 @pytest.mark.parametrize("gain", [1.0, 0.5])
 def test_sent_again_as_a_file_it_is_a_simulated_case(service: Inside, gain: float) -> None:
     """Under another name and quieter, too: it is known by its sound."""

@@ -4,7 +4,6 @@ import httpx
 import pytest
 
 from benchmarks.harness.live import LiveServer
-from sim.experiment.paper_axis import PAPER_AXIS
 
 AXIS = {"name": "paged-0", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 1.0}}
 
@@ -38,15 +37,6 @@ def test_pages_hold_every_item_once(admin: httpx.Client, path: str) -> None:
     assert admin.get(url, params={"limit": 0}).status_code == 422
     if path != "/axes":  # there any name is a place to go on from
         assert admin.get(url, params={"cursor": "!"}).status_code == 422
-
-
-def test_jobs_come_in_pages_too(admin: httpx.Client, operator: httpx.Client) -> None:
-    asked = {"axis": PAPER_AXIS.to_mapping(), "per_label": 1}
-    ids = [admin.post("/api/v1/simulations", json=asked).raise_for_status().json()["id"] for _ in range(3)]
-    first = operator.get("/api/v1/jobs", params={"limit": 2}).raise_for_status().json()
-    rest = operator.get("/api/v1/jobs", params={"cursor": first["next_cursor"]}).raise_for_status().json()
-    assert [one["id"] for one in first["items"] + rest["items"]] == ids[::-1]
-    assert operator.get("/api/v1/jobs", params={"cursor": "elsewhere"}).status_code == 422
 
 
 @pytest.mark.parametrize("path", ["/cases", "/diagnoses"])

@@ -146,22 +146,3 @@ def test_a_program_answers_the_queue_and_takes_it_back(service: Inside) -> None:
     assert service.ask("GET", f"{API}/queue").json() == before
     assert service.ask("GET", f"{API}/steps?kind=diagnosis&subject={identity}").json()["items"] == []
     assert service.ask("POST", f"{API}/steps/{2**31 - 1}/undo").status_code == 404
-
-
-def test_what_was_done_together_is_one_step_and_an_operator_takes_back_verdicts_alone(service: Inside) -> None:
-    parts = {"file": ("43.wav", sound(43)), "metadata": (None, '{"gearbox": "together"}')}
-    identity = service.ask("POST", f"{API}/diagnoses", files=parts).raise_for_status().json()["id"]
-    revise(service, identity, verdict="corrected", label="pitting", keep="1", verification="opened")
-    (step,) = service.ask("GET", f"{API}/steps?kind=diagnosis&subject={identity}").json()["items"]
-    assert {each["kind"] for each in step["subjects"]} == {"diagnosis", "case"}
-    made = service.ask("POST", f"{API}/keys", json={"name": "shift", "role": "operator"}).json()["key"]
-    operator = {"Authorization": f"Bearer {made}"}
-    refused = service.ask("POST", f"{API}/steps/{step['number']}/undo", headers=operator)
-    assert refused.status_code == 403
-    assert "admin" in refused.json()["detail"]
-    service.ask("POST", f"{API}/steps/{step['number']}/undo").raise_for_status()
-    assert service.ask("GET", f"{API}/diagnoses/{identity}").json()["revision"]["state"] == "open"
-    said = {"verdict": "rejected"}
-    service.ask("PATCH", f"{API}/diagnoses/{identity}", json=said, headers=operator).raise_for_status()
-    (verdict,) = service.ask("GET", f"{API}/steps?kind=diagnosis&subject={identity}").json()["items"]
-    service.ask("POST", f"{API}/steps/{verdict['number']}/undo", headers=operator).raise_for_status()

@@ -6,11 +6,9 @@ import json
 import httpx
 import numpy as np
 import pytest
-import soundfile
 from PIL import Image
 
 from benchmarks.harness.sounds import RATE_HZ, wav
-from signals.crest import crest_trace
 
 SECONDS, AMPLITUDE, FREQUENCY_HZ = 4.0, 0.5, 125.0
 
@@ -61,14 +59,6 @@ def test_range(viewer: httpx.Client, path: str, content: bytes, header: str, sta
     assert answer.headers["content-range"] == f"bytes {first}-{first + len(answer.content) - 1}/{len(content)}"
 
 
-@pytest.mark.parametrize("header", ["bytes=0-1,5-6", "lines=1-2", "bytes=5-2", "bytes=-", "nonsense"])
-def test_what_is_no_single_range_is_answered_whole(
-    viewer: httpx.Client, path: str, content: bytes, header: str
-) -> None:
-    answer = viewer.get(f"{path}/audio", headers={"Range": header})
-    assert (answer.status_code, answer.content) == (200, content)
-
-
 def test_range_behind_the_end(viewer: httpx.Client, path: str, content: bytes) -> None:
     answer = viewer.get(f"{path}/audio", headers={"Range": "bytes=99999999-"})
     assert answer.status_code == 416
@@ -80,32 +70,6 @@ def test_range_of_another_version_is_answered_whole(viewer: httpx.Client, path: 
     for if_range, status in ((etag, 206), ('"another"', 200)):
         headers = {"Range": "bytes=0-9", "If-Range": if_range}
         assert viewer.get(f"{path}/audio", headers=headers).status_code == status
-
-
-def test_waveform_loses_no_peak(viewer: httpx.Client, path: str, content: bytes) -> None:
-    found = viewer.get(f"{path}/waveform", params={"points": 50}).json()
-    samples, _ = soundfile.read(io.BytesIO(content), dtype="float32")
-    assert len(found["time_s"]) == len(found["low"]) == len(found["high"]) <= 50
-    assert (min(found["low"]), max(found["high"])) == (samples.min(), samples.max())
-    assert found["duration_s"] == SECONDS
-
-
-def test_spectrum_of_a_tone_has_its_line_and_level(viewer: httpx.Client, path: str) -> None:
-    found = viewer.get(f"{path}/spectrum", params={"resolution_hz": 1}).json()
-    top = int(np.argmax(found["level_db"]))
-    assert found["frequency_hz"][top] == pytest.approx(FREQUENCY_HZ)
-    assert found["level_db"][top] == pytest.approx(10 * np.log10(AMPLITUDE**2 / 2), abs=0.05)
-
-
-def test_crest_factor_is_that_of_the_one_definition(viewer: httpx.Client, path: str, content: bytes) -> None:
-    samples, rate_hz = soundfile.read(io.BytesIO(content), dtype="float32")
-    for window_s, low_pass_hz in ((0.1, 200), (0.25, 100), (0.003 + 0.1, 0)):
-        query = {"window_s": window_s, "low_pass_hz": low_pass_hz}
-        found = viewer.get(f"{path}/crest", params=query).json()
-        trace = crest_trace(samples, rate_hz, window_s, low_pass_hz)
-        assert found["crest_factor"] == trace.values.tolist()
-        assert (found["whole_record"], found["mean"]) == (trace.largest, trace.mean)
-        assert (found["time_s"], found["rms"]) == (trace.middle_s.tolist(), trace.rms.tolist())
 
 
 def test_spectrogram_by_accept(viewer: httpx.Client, path: str) -> None:
@@ -125,8 +89,3 @@ def test_features_have_units_and_physics(viewer: httpx.Client, path: str) -> Non
     found = viewer.get(f"{path}/features").json()
     assert found["features"]
     assert all(feature["unit"] and feature["physics"] and feature["source"] for feature in found["features"])
-
-
-@pytest.mark.parametrize("view", ["audio", "waveform", "spectrum", "spectrogram", "crest", "features"])
-def test_unknown_recording(viewer: httpx.Client, view: str) -> None:
-    assert viewer.get(f"/api/v1/recordings/{'0' * 32}/{view}").status_code == 404

@@ -167,12 +167,6 @@ def test_what_is_stored_is_asked_for_by_its_id(viewer: httpx.Client) -> None:
     assert ask(viewer, None, recording_id="0" * 32).status_code == 404
 
 
-def test_sound_of_a_case_is_nearest_to_that_case(viewer: httpx.Client) -> None:
-    nearest = ask(viewer, sound(50, impacts=True), representation="paper").json()["neighbours"][0]
-    assert nearest["distance"] == pytest.approx(0, abs=1e-3)
-    assert nearest["similarity"] == pytest.approx(1, abs=1e-3)
-
-
 def by_brute_force(
     table: CaseTable, weights: NDArray[np.float64], query: NDArray[np.float64]
 ) -> list[tuple[str, float]]:
@@ -205,12 +199,6 @@ def test_same_neighbours_as_brute_force(
     found = [(each["case_id"], each["distance"]) for each in answer["neighbours"]]
     assert [each for each, _ in found] == [each for each, _ in expected]
     np.testing.assert_allclose([each for _, each in found], [each for _, each in expected], rtol=1e-4)
-
-
-def test_paper_is_eighteen_features(viewer: httpx.Client) -> None:
-    features = ask(viewer, sound(7), representation="paper").json()["features"]
-    assert len(features) == 18
-    assert {name for name in features if not name.startswith("band_level_")} == set(CREST)
 
 
 def test_filters(viewer: httpx.Client) -> None:
@@ -246,22 +234,3 @@ def test_command_says_what_the_service_says(server: LiveServer, viewer: httpx.Cl
     words = gearcase("retrieve", path, "--k", "3", data_dir=server.data_dir)
     assert words.code == 0
     assert "gearbox" in words.stdout
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("--k", "0"),
-        ("--representation", "wavelets"),
-        ("--weight", "crest_factor"),
-        ("--weight", "crest_factor=-1"),
-        ("--weight", "nonsense=1"),
-        ("--axis", "nowhere"),
-    ],
-)
-def test_bad_words_end_with_2(server: LiveServer, tmp_path: Path, words: tuple[str, ...]) -> None:
-    path = tmp_path / "x.wav"
-    path.write_bytes(sound(1))
-    done = gearcase("retrieve", path, *words, data_dir=server.data_dir)
-    assert done.code == 2
-    assert done.stderr.strip()

@@ -81,14 +81,6 @@ def test_of_a_fault_that_is_not_heard_only_the_largest_is_said() -> None:
     assert 4e-4 < found.high < 5e-4
 
 
-def test_a_profile_does_not_know_the_gain() -> None:
-    case = simulate_case(plan(PAPER_AXIS, {"notch": 1}, 6, duration_s=8.0)[0])
-    condition = condition_of(case.scenario)
-    louder = Recording(case.recording.samples * np.float32(7.0), 8000.0)
-    one, other = (profile_of(each, condition, TAKEN.half_s) for each in (case.recording, louder))
-    np.testing.assert_allclose(one, other, rtol=1e-3, atol=2e-2)
-
-
 def test_the_bump_over_the_reversal_is_the_same_through_every_housing() -> None:
     """Once per cycle a blow away from the reversals; two housings colour blow and reversals alike."""
     rate, period = 8000, 2.0

@@ -8,7 +8,6 @@ import pytest
 
 from app.commands import smoke
 from benchmarks.harness.live import LiveServer, gearcase
-from tests.app.alarms.receivers import free_port
 
 STEPS = ["/livez", "/readyz", "key", "axis", "case", "diagnosis", "list of cases"]
 CLEARED = ["diagnosis rejected", "diagnosis' audio erased", "case retired", "case's audio erased", "axis removed"]
@@ -65,19 +64,3 @@ def test_a_key_that_does_not_do(live_server: LiveServer, tmp_path: Path, role: s
     assert done.stdout.splitlines()[-1].startswith("FAILED key: ")
     assert words in done.stdout
     assert key not in done.stdout + done.stderr
-
-
-def test_nothing_listens(tmp_path: Path) -> None:
-    done = gearcase("smoke", f"http://127.0.0.1:{free_port()}", "--key", "gearcase_x", data_dir=tmp_path)
-    (line,) = done.stdout.splitlines()
-    assert (done.code, line.startswith("FAILED /livez: http://127.0.0.1:")) == (1, True)
-    assert "give the address that `gearcase serve` prints" in line
-
-
-@pytest.mark.parametrize(
-    "words", [("http://127.0.0.1:8000",), ("localhost:8000", "--key", "x"), ("http://", "--key", "x")]
-)
-def test_usage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]) -> None:
-    monkeypatch.delenv("GEARCASE_KEY", raising=False)
-    done = gearcase("smoke", *words, data_dir=tmp_path)
-    assert (done.code, done.stdout) == (2, "")

@@ -118,14 +118,6 @@ def test_slow_uploads_of_one_key_do_not_keep_others_out(server: LiveServer) -> N
         connection.close()
 
 
-def test_upload_that_never_arrives_is_given_up(server: LiveServer) -> None:
-    connection = begun(server)
-    answer = connection.getresponse()
-    assert answer.status == 408
-    assert "3 s" in json.load(answer)["detail"]
-    connection.close()
-
-
 def test_readiness_tells_the_truth(server: LiveServer) -> None:
     away = server.data_dir.with_name("away")
     server.until_ready()

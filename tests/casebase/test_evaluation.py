@@ -54,24 +54,6 @@ def test_classes_far_apart_are_found_in_unseen_gearboxes() -> None:
     assert sum(sum(row.values()) for row in document["confusion"].values()) == 30  # type: ignore[attr-defined]
 
 
-def test_accuracy_is_the_diagonal_of_the_confusion() -> None:
-    """Classes that hardly differ and a gearbox off the others: what is called new is not right."""
-    table = made_table(1, gearboxes=4, shift=2.0)
-    values = table.values.copy()
-    values[table.gearboxes == "g0"] += 100.0
-    result = evaluate(table.with_columns(1, table.text, values))
-    diagonal = {truth: len(row.get(truth, ())) for truth, row in result.confusion.items()}
-    assert result.called_new.right > 0
-    assert result.accuracy.right == sum(diagonal.values())
-    assert {label: share.right for label, share in result.per_class.items()} == diagonal
-
-
-def test_classes_that_do_not_differ_are_not_found() -> None:
-    share = evaluate(made_table(1, shift=0.0)).accuracy.value
-    assert share is not None
-    assert 0.08 < share < 0.62
-
-
 def test_a_gearbox_never_votes_for_itself() -> None:
     """Labels that are drawn per gearbox can be recited by anyone who has seen the gearbox, and by nobody else."""
     generator = np.random.default_rng(3)

@@ -93,12 +93,6 @@ def test_silence_is_told_unless_there_is_worse(session: Session) -> None:
     assert state(session, "broken", now=100).state is State.FAULT_LIKELY
 
 
-def test_a_clock_that_is_ahead_hides_no_silence(session: Session) -> None:
-    """A recording cannot have come before it was taken: it counts from when it came."""
-    recording = keep(session, "ahead", "g", datetime.now(UTC) + timedelta(days=300), {}, "normal")
-    assert [one.at for one in histories(session, "ahead", "g")[-1].heard] == [recording.created_at]
-
-
 def test_what_a_person_says_counts(session: Session) -> None:
     heard(session, "reviewed", "normal", "play")
     newest = histories(session, "reviewed", "g")[-1].heard[-1]
@@ -112,14 +106,6 @@ def test_what_a_person_says_counts(session: Session) -> None:
         Reason.FOUND,
         "notch",
     )
-
-
-def test_no_recording_outweighs_what_a_person_found(session: Session) -> None:
-    heard(session, "opened", "play", *["normal"] * 9)
-    first = histories(session, "opened", "g")[-1].heard[0]
-    assert state(session, "opened").state is State.GOOD
-    revise_diagnosis(session, str(first.diagnosis_id), "confirmed")
-    assert (state(session, "opened").state, state(session, "opened").since) == (State.WATCH, day(0))
 
 
 def test_a_named_fault_and_a_changed_sound_are_likely_a_fault(session: Session) -> None:
@@ -159,15 +145,6 @@ def test_an_exchange_for_one_of_another_name(session: Session) -> None:
     assert ("renamed", "h") in signatures(session)
     found = state(session, "renamed", "h")
     assert (found.state, found.reason, found.since) == (State.CANNOT_SAY, Reason.NEVER_HEARD, day(1.5))
-
-
-def test_a_repair_begins_anew_and_keeps_the_history(session: Session) -> None:
-    heard(session, "repaired", "play", "normal")
-    assert state(session, "repaired").state is State.WATCH
-    mark(session, "repaired", 0.5, "repair")
-    (history,) = histories(session, "repaired", "g")
-    assert len(history.heard) == 2
-    assert state(session, "repaired").state is State.GOOD
 
 
 def test_a_moved_microphone_begins_a_new_trend_and_clears_no_fault(session: Session) -> None:

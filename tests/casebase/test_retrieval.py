@@ -1,9 +1,6 @@
 """Retrieve: the same cases as plain arithmetic finds, whatever changes underneath."""
 
 import math
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,12 +61,6 @@ def test_nearest_of_every_class_are_those_of_a_search_among_it() -> None:
     assert near.of("none such") is None
 
 
-def test_ties_go_by_id() -> None:
-    table = table_of(np.zeros((2000, 3)))
-    found = CaseMatrix(table, metric_of(3)).search(np.ones(3), 5)
-    assert [match.case_id for match in found] == table.ids[:5].tolist()
-
-
 def test_filter_comes_before_top_k() -> None:
     values = np.arange(2000.0)[:, None] / 1000
     table = table_of(values)
@@ -122,36 +113,6 @@ def test_versions_of_the_extractor_never_mix(library: CaseLibrary) -> None:
         table = load_table(session, "next")
         assert table.values.tolist() == [[5.0, 6.0, 7.0]]
         assert [each.extractor_version for each in library.retrieve.recording(session, other.id).features] == ["next"]
-
-
-CHILD = """
-import os, signal, sys
-from pathlib import Path
-from casebase.library import CaseLibrary
-from tests.casebase.made import add_case
-library = CaseLibrary.open(Path(sys.argv[1]))
-for seed in range(1000):
-    with library.transaction("child") as session:
-        add_case(library, session, [seed, 1.0], "notch", seed=seed)
-    print(seed, flush=True)
-"""
-
-
-def test_kill_at_any_moment_loses_nothing_that_was_acknowledged(tmp_path: Path) -> None:
-    child = subprocess.Popen([sys.executable, "-c", CHILD, str(tmp_path)], stdout=subprocess.PIPE, text=True)
-    assert child.stdout is not None
-    acknowledged = [int(child.stdout.readline()) for _ in range(25)][-1]
-    child.kill()
-    acknowledged = max([acknowledged, *map(int, child.stdout.read().split())])
-    child.wait()
-    child.stdout.close()
-    library = CaseLibrary.open(tmp_path)
-    with library.reading() as session:
-        table = load_table(session, VERSION)
-    kept = table.values[:, 0].tolist()
-    assert kept in (list(range(acknowledged + 1)), list(range(acknowledged + 2)))
-    assert len(list(library.audio.hashes())) >= len(kept)
-    library.close()
 
 
 def plain_distances(table: CaseTable, metric: Metric, query: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from casebase.description import Labelling, RecordingDescription
 from casebase.errors import InvalidRequestError, NotFoundError
 from casebase.library import CaseLibrary
 from casebase.reasoning.severity import _left_out, estimate
-from casebase.review import Nearby, apply, competence, quarantine_far, review, undo
+from casebase.review import apply, quarantine_far, review, undo
 from signals.condition import UNKNOWN, OperatingCondition
 from signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector, catalogue
 from signals.motion import Motion
@@ -36,15 +36,6 @@ def test_a_size_that_the_features_follow_is_found_within_a_quarter() -> None:
         covered += found.low <= sizes[row] <= found.high
     assert np.median(errors) < 0.25
     assert covered >= 20, "nine of ten of 25 intervals hold the truth"
-
-
-def test_features_that_say_nothing_give_no_size() -> None:
-    random = np.random.default_rng(1)
-    sizes = np.exp(random.uniform(np.log(2e-4), np.log(3e-3), 100))
-    assert (
-        estimate("gap_rad", random.standard_normal((100, len(NAMES))), sizes, random.standard_normal(len(NAMES)))
-        is None
-    )
 
 
 def test_errors_are_those_without_the_specimen() -> None:
@@ -144,19 +135,3 @@ def test_holes_become_a_plan_that_generate_fills(
     with again.reading() as session:
         assert review(session, again.reuse.reasoner(session)).uncovered == ()
     again.close()
-
-
-def nearby(rows: list[list[int]], cases: int) -> Nearby:
-    """What is nearest to each of so many cases; distances do not matter."""
-    found = np.full((cases, 5), -1)
-    for place, near in enumerate(rows):
-        found[place, : len(near)] = near
-    nothing = np.full(cases, np.inf)
-    return Nearby(np.arange(cases), found, np.full((cases, 5), np.inf), nothing, nothing)
-
-
-def test_footprint_of_a_chain_solves_what_the_chain_solves() -> None:
-    """0 - 1 - 2 are of one label, 3 of another beside 2, 4 alone: 1 stands for the row, 3 and 4 for themselves."""
-    labels = np.array([0, 0, 0, 1, 1], np.int16)
-    found = competence(labels, nearby([[1, 2, 3], [0, 2, 3], [1, 3, 0], [2, 1, 0], []], 5))
-    assert (found.solved, found.of, found.footprint) == (3, 5, 3)

@@ -13,8 +13,6 @@ import pytest
 from app.commands import BAD_INPUT, DONE
 from benchmarks.harness.live import gearcase
 from benchmarks.harness.sounds import sound
-from signals.errors import TelemetryError
-from signals.telemetry import read_telemetry
 from sim.description.axis_document import read_axis
 
 TOML = 'name = "würze"\r\n[motor]\r\ninertia_kg_m2 = 0.6\r\n[load]\r\ninertia_kg_m2 = 20\r\n'
@@ -116,11 +114,6 @@ def test_pipe_is_read_and_one_without_a_writer_is_not_waited_for(tmp_path: Path)
     assert found[1]["recording"]["duration_s"] == 6.0  # type: ignore[index]
 
 
-def test_device_is_refused_at_once(tmp_path: Path) -> None:
-    (entry,) = entries("diagnose", "/dev/zero", data_dir=tmp_path)
-    assert "is a device" in str(entry["error"])
-
-
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
 def test_axis_as_editors_of_windows_write_it(tmp_path: Path, encoding: str) -> None:
     path = tmp_path / "axis.toml"
@@ -128,14 +121,3 @@ def test_axis_as_editors_of_windows_write_it(tmp_path: Path, encoding: str) -> N
     assert read_axis(path).name == "würze"
     path.write_bytes(json.dumps(read_axis(path).to_mapping(), ensure_ascii=False).encode(encoding))
     assert read_axis(path).name == "würze"
-
-
-def test_telemetry_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
-    rows = "".join(f"{n / 100},{n % 7}\r\n" for n in range(200))
-    for mark, readable in (("", True), ("\ufeff", True), ("x", False)):
-        (tmp_path / "t.csv").write_text(f"{mark}time_s,motor_torque_nm\r\n{rows}", encoding="utf-8", newline="")
-        if readable:
-            assert read_telemetry(tmp_path / "t.csv").time_s.size == 200
-        else:
-            with pytest.raises(TelemetryError, match="no column says the time"):
-                read_telemetry(tmp_path / "t.csv")

@@ -53,27 +53,6 @@ def test_mistaken_unit_of_the_speed_is_named(unit: str, factor: float, named: st
     assert usable == OperatingCondition()
 
 
-def test_what_no_factor_explains_has_none() -> None:
-    _, (flag,) = held_against(OperatingCondition(speed_rad_s=1450.0), HEARD, AXIS)
-    assert "500 times the largest of the 24 measured cases of 'axis-a' (2.2 to 2.9 rad/s)" in flag.reason
-    assert "if it is" not in flag.reason
-
-
-def test_of_two_units_that_are_nearly_the_same_the_usual_one_is_named() -> None:
-    """Degrees per second and radians per minute are a twentieth apart; a gear of 57 may be meant as well."""
-    _, (flag,) = held_against(OperatingCondition(speed_rad_s=140.0), HEARD, replace(AXIS, ratio=57.0))
-    assert flag.reason.count("if it is") == 1
-    assert "degrees per second" in flag.reason
-
-
-@pytest.mark.parametrize("factor", [0.25, 1.0, 4.0])
-def test_other_motion_of_the_same_axis_and_an_empty_gripper_are_no_contradiction(factor: float) -> None:
-    given = OperatingCondition(speed_rad_s=2.5 * factor, payload_kg_m2=30 * factor, motion_period_s=6.7 * factor)
-    assert held_against(given, Motion(), AXIS) == (given, ())
-    given = OperatingCondition(payload_kg_m2=0.5)
-    assert held_against(given, HEARD, AXIS) == (given, ())
-
-
 @pytest.mark.parametrize(
     ("factor", "named"), [(1000.0, "in g m2"), (1e6, "in kg mm2"), (80**-2, "in kg m2 as felt at the motor")]
 )

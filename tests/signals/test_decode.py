@@ -70,14 +70,6 @@ def test_a_channel_is_chosen_or_the_first_is_used_and_said(tmp_path: Path) -> No
             read_recording(path, channel=channel)
 
 
-def test_same_samples_in_another_container_have_the_same_hash(tmp_path: Path) -> None:
-    samples = noise()
-    for name in ("a.wav", "a.flac", "a.aiff"):
-        soundfile.write(tmp_path / name, samples, RATE, subtype="PCM_16")
-    hashes = {read_recording(tmp_path / name).sha256 for name in ("a.wav", "a.flac", "a.aiff")}
-    assert len(hashes) == 1
-
-
 SOUND = pcm(noise()[:, 0])
 INFINITE = np.r_[noise()[:, 0], np.inf]
 BROKEN: dict[str, tuple[bytes, type[SignalError], str]] = {

@@ -111,25 +111,6 @@ def test_tones_of_one_motion_are_not_the_same_sound(together: bool, snr_db: floa
     assert not any(same_samples(*pair) for pair in pairs)
 
 
-@pytest.mark.parametrize("name", CHANGES)
-def test_a_copy_of_clear_tones_is_known(name: str) -> None:
-    known = meshes(0, 20.0, together=True)
-    samples, rate_hz = CHANGES[name](known.samples)
-    assert alike(known, Recording(samples.astype(np.float32), rate_hz))
-
-
-def test_unrelated_bits_are_not_taken_for_the_same_wherever_they_are_laid() -> None:
-    """Laid over each other at every place, not only where words are equal: the worst of thousands is far from alike."""
-    words = [fingerprints(Recording(hum(6.0, seed, impacts=True), RATE_HZ))[0].words for seed in range(6)]
-    worst = 1.0
-    for one, other in combinations(words, 2):
-        for place in range(-one.size // 2, one.size // 2):
-            here, there = one[max(0, place) :], other[max(0, -place) :]
-            size = min(here.size, there.size)
-            worst = min(worst, float(np.bitwise_count(here[:size] ^ there[:size]).sum()) / (24 * size))
-    assert worst > LARGEST_DIFFERENCE + 0.1
-
-
 def test_a_piece_of_a_recording_is_another_recording() -> None:
     samples = hum(6.0, 2)
     assert not alike(Recording(samples, RATE_HZ), Recording(samples[: 2 * RATE_HZ], RATE_HZ))

@@ -10,9 +10,7 @@ from mcap_ros2.writer import Writer
 from nptdms import ChannelObject, TdmsWriter
 from scipy import io
 
-from signals.columns.table_kinds import BINARY, binary_endings
 from signals.errors import TelemetryError
-from signals.formats import READERS
 from signals.formats.open_table import loaded
 from signals.telemetry import Telemetry, read_telemetry, recognise_columns
 
@@ -174,17 +172,6 @@ def test_a_format_that_is_not_read_says_what_to_do(tmp_path: Path, start: bytes,
     (tmp_path / "log").write_bytes(start + bytes(600))
     with pytest.raises(TelemetryError, match=words):
         read_telemetry(tmp_path / "log")
-
-
-def test_every_format_is_named_on_pages_and_written_here() -> None:
-    """Of each reader the page knows the ending, and one file is written above; Parquet is that of every other test."""
-    assert len(READERS) == len(BINARY) + 2  # of text: tables, and blocks of a variable each
-    assert {f".{kind}" for kind in WRITERS} | {".parquet"} == set(binary_endings())
-
-
-def test_what_begins_like_no_other_format_is_text() -> None:
-    assert list(READERS)[-1] == b""
-    assert all(not other.startswith(one) for one in READERS if one for other in READERS if other != one)
 
 
 def test_a_trace_of_blocks_is_a_table_of_its_variables(tmp_path: Path) -> None:

@@ -35,11 +35,6 @@ def test_each_joint_takes_its_own_of_each_list(text: str) -> None:
     assert all(one.sources["time_s"].column == 1 for one in maps)
 
 
-def test_one_joint_needs_no_list() -> None:
-    (one,) = joint_maps("[time_s]\ncolumn = 1\n[motor_torque_nm]\ncolumn = 2", ["a"])
-    assert channel_map_of(one).sources["motor_torque_nm"].column == 2
-
-
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

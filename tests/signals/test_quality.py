@@ -58,21 +58,6 @@ def test_a_recording_of_some_steps_is_too_quiet_and_not_clipped_as_well() -> Non
         assert "clipped" not in quiet
 
 
-def test_dropouts_are_flagged_with_their_length() -> None:
-    samples = GOOD.copy()
-    samples[20000:20800] = 0
-    samples[90000:90400] = samples[90000]
-    extraction = flagged(samples)
-    assert flags(extraction) == {"dropouts": Severity.NOTE}
-    assert "2 stretches, 0.15 s" in extraction.quality[0].reason
-    for start in range(10000, 150000, 10000):
-        samples[start : start + 1800] = 0
-    assert flags(flagged(samples))["dropouts"] is Severity.NOTE
-    for start in range(10000, 150000, 5000):
-        samples[start : start + 3500] = 0
-    assert not flagged(samples).usable
-
-
 def test_offset_level_and_silence() -> None:
     assert flags(flagged(GOOD + 0.02))["dc_offset"] is Severity.NOTE
     assert flags(flagged(GOOD + 0.5))["dc_offset"] is Severity.NOTE
@@ -132,9 +117,3 @@ def test_one_of_several_channels_is_said() -> None:
     extraction = flagged(GOOD, channels=4)
     assert flags(extraction) == {"channel_choice": Severity.NOTE}
     assert "channel 0 of 0 to 3" in extraction.quality[0].reason
-
-
-def test_a_recording_of_lost_samples_alone_is_refused_in_words() -> None:
-    lost = flagged(np.concatenate([[0.1, -0.2, 0.3], np.zeros(2400), [0.1, -0.2, 0.3]]))
-    assert not lost.usable
-    assert flags(lost)["dropouts"] is Severity.UNUSABLE

@@ -31,13 +31,6 @@ def divided(*parts: np.ndarray) -> Segments:
     return find_segments(np.concatenate(parts).astype(np.float32))
 
 
-def test_motion_alone_is_left_whole() -> None:
-    for first_s in (0.7, 1.5, 2.9):
-        segments = divided(loudness(first_s=first_s))
-        assert (segments.machine.start_s, segments.machine.end_s) == (0.0, DURATION_S)
-        assert segments.silences == segments.pauses == segments.others == ()
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_without_quiet_is_left_whole(seed: int) -> None:
     segments = divided(np.random.default_rng(seed).normal(0, 1.5, 4000))
@@ -60,12 +53,6 @@ def test_silence_before_and_after_leaves_the_same_piece(seconds: float, level_db
     assert segments.machine.start_s == 0.0
     assert segments.machine.end_s == pytest.approx(DURATION_S - LIMITS.margin_s, abs=WITHIN_S)
     assert [each.end_s for each in segments.silences] == [DURATION_S + seconds]
-
-
-def test_digital_silence_is_left_out_however_short() -> None:
-    """0.2 s could be half of a reversal, were it not quieter than any standstill."""
-    assert len(divided(quiet(0.2, -200), loudness()).silences) == 1
-    assert divided(quiet(0.2, -FALL_DB), loudness()).silences == ()
 
 
 def test_silence_on_both_sides_and_a_recording_twice_as_loud() -> None:

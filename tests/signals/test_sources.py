@@ -103,12 +103,6 @@ def test_every_width_and_order_of_bytes(tmp_path: Path, order: str, kind: str) -
         np.testing.assert_array_equal(recording.samples, SAMPLES)
 
 
-def test_24_bits_in_4_bytes(tmp_path: Path) -> None:
-    content = (SAMPLES.astype(np.float64) * 2**31).astype("<i4").tobytes()
-    recording = written(tmp_path, riff(fmt(bits=24, align=4), chunk(b"data", content)))
-    np.testing.assert_array_equal(recording.samples, SAMPLES)
-
-
 @pytest.mark.parametrize("name", LOSSLESS)
 def test_lossless_sound_in_any_container_comes_back_whole(tmp_path: Path, name: str) -> None:
     container, codec, _ = BY_AV[name]
@@ -249,11 +243,6 @@ def test_a_quieter_channel_that_hears_the_same_is_kept(tmp_path: Path, gain: flo
     for left in (gain * LIVE + FLOOR, gain * np.roll(LIVE, 40) + 0.3 * gain * LIVE.std() * FLOOR / 1e-4):
         recording = read_recording(stereo(tmp_path, left, LIVE))
         assert (recording.channel, recording.source.dead) == (0, ())
-
-
-def test_two_silent_channels_are_silent(tmp_path: Path) -> None:
-    with pytest.raises(BrokenAudioError, match="check the microphone"):
-        read_recording(stereo(tmp_path, np.zeros(LIVE.size), np.zeros(LIVE.size)))
 
 
 BEXT = bytes(256) + b"Zoom H5".ljust(64, b"\0") + b"2026-03-29" + b"02:30:00" + bytes(264)

@@ -8,8 +8,7 @@ import pytest
 from pyarrow import parquet
 
 from signals.errors import TelemetryError
-from signals.telemetry import CHANNELS, MOST_COLUMNS, TelemetryLimits, check_telemetry, read_telemetry
-from tests.shared_data import shared
+from signals.telemetry import MOST_COLUMNS, TelemetryLimits, check_telemetry, read_telemetry
 
 ROWS = 400
 TIME = np.arange(ROWS) * 0.0005
@@ -141,13 +140,6 @@ def test_reading_that_takes_too_long_or_too_much_is_given_up_and_the_next_is_not
         with pytest.raises(TelemetryError, match=words):
             read_telemetry(path, limits)
         assert read_telemetry(path).rows == ROWS
-
-
-def test_measured_telemetry_is_read() -> None:
-    telemetry = read_telemetry(shared("data", "emps", "telemetry.csv"))
-    assert telemetry.sample_rate_hz == pytest.approx(1000)
-    assert set(telemetry.channels) <= set(CHANNELS)
-    assert telemetry.duration_s == pytest.approx(24.84, abs=0.01)
 
 
 @pytest.mark.parametrize(("start", "words"), [(b"RIFF\x24\x00\x00\x00WAVE", "WAV"), (b"\x01\x00\xff", "binary")])

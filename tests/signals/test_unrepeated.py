@@ -67,12 +67,6 @@ BESIDE = pytest.mark.xfail(
 )
 
 
-@pytest.mark.parametrize("time_s", [pytest.param(3.3, marks=BESIDE), pytest.param(8.05, marks=BESIDE), 11.9])
-def test_a_strong_knock_is_one_event_too(time_s: float) -> None:
-    found = of(knocked(Joint(seed=3, duration_s=25.0), (time_s,), 40.0))
-    assert len([each for each in found.events if each.span.start_s < 24.8]) == 1
-
-
 @pytest.mark.parametrize("every", [1, 2])
 def test_a_knock_in_every_stroke_or_in_every_cycle_is_none(every: int) -> None:
     joint = Joint(seed=4, duration_s=25.0)
@@ -107,26 +101,6 @@ def test_a_blow_far_harder_than_the_others_at_its_time_is_not_theirs() -> None:
     blow_s = float(Joint(seed=12, duration_s=30.0).reversals_s[5]) + 0.25
     found = struck_at_some_reversals({1: 1.0, 2: 1.0, 5: 3.0, 8: 1.0})
     assert any(each.span.start_s == pytest.approx(blow_s, abs=0.12) for each in found.events if each.knock)
-
-
-def test_of_two_cycles_the_louder_one_is_odd() -> None:
-    """Two strokes in either direction are not enough to vote, so what is louder is not the machine."""
-    joint = Joint(seed=5, duration_s=4 * STROKE_S, start_s=STROKE_S / 2)
-    for time_s in (2.9, 2.9 + 2 * STROKE_S):
-        events = [each for each in of(knocked(joint, (time_s,))).events if each.knock]
-        assert [each.span.start_s for each in events] == [pytest.approx(time_s, abs=0.12)]
-
-
-def test_of_three_cycles_two_decide() -> None:
-    """A knock that two of three cycles have is the machine's."""
-    joint = Joint(seed=6, duration_s=6 * STROKE_S, start_s=STROKE_S / 2)
-    twice = of(knocked(joint, (2.9, 2.9 + 2 * STROKE_S)))
-    assert [each for each in twice.events if each.knock] == []
-
-
-def test_a_stroke_alone_says_nothing() -> None:
-    samples = sound(Joint(seed=7, duration_s=2.5))
-    assert Analysis(Recording(samples, RATE_HZ), UNKNOWN).unrepeated is None
 
 
 @pytest.mark.parametrize("label", LABELS)

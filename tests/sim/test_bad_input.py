@@ -5,14 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sim.errors import CompositionError, ParameterError, RunError, SimulationError
+from sim.errors import ParameterError, SimulationError
 from sim.rotational.components import (
     BearingFriction,
     Clutch,
     Constant,
     Damper,
     ElastoBacklash,
-    Fixed,
     IdealGear,
     Inertia,
     LossyGear,
@@ -91,28 +90,3 @@ SHAFT = DriveTrain.series(torque=Torque(Constant(1)), shaft=Inertia(J=1))
 def test_a_wrong_run_or_composition_is_named(run: Callable[[], object], words: str) -> None:
     with pytest.raises(SimulationError, match=words):
         run()
-
-
-def test_start_values_that_contradict_each_other() -> None:
-    train = DriveTrain.series(a=Inertia(J=1, w=10), gear=IdealGear(ratio=2), b=Inertia(J=1, w=10))
-    with pytest.raises(CompositionError, match="b: its start speed 10 contradicts the others, which give 5"):
-        simulate(train, 1.0)
-
-
-def test_a_shaft_fixed_at_two_angles() -> None:
-    train = DriveTrain.series(a=Fixed(), shaft=Inertia(J=1), b=Fixed(phi0=0.1))
-    with pytest.raises(CompositionError, match="fixed at two angles"):
-        simulate(train, 1.0)
-
-
-def test_a_flange_without_inertia_is_named() -> None:
-    train = DriveTrain.series(torque=Torque(Constant(1)), gear=IdealGear(ratio=2))
-    with pytest.raises(RunError, match="nothing there has inertia or holds it"):
-        simulate(train, 1.0)
-
-
-def test_a_flange_that_carries_nothing_is_free() -> None:
-    hanging = SHAFT.add("spring", Spring(c=1), flange_a="shaft.flange_b")
-    result = simulate(hanging, 1.0, 100.0)
-    np.testing.assert_allclose(result["spring.tau"], 0, atol=1e-12)
-    np.testing.assert_allclose(result["shaft.w"], result.time_s, atol=1e-12)

@@ -22,10 +22,3 @@ def test_mean_largest_and_reversals_stand_beside_the_trace() -> None:
     at = [marker.x - surveyed.start_s for marker in chart.markers]
     assert at == pytest.approx(surveyed.analysis.motion.reversal_times_s)
     assert len(at) > 1
-
-
-def test_silence_has_a_chart_without_a_largest() -> None:
-    silent = survey(Recording(np.zeros(8000, dtype=np.float32), 8000.0), UNKNOWN)
-    chart = crest_trace(silent)
-    assert (len(chart.series), chart.events, chart.markers) == (1, (), ())
-    assert "<svg" in chart.svg()

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from app.report.svg import polar_chart
 from benchmarks.harness.site import Site
 from casebase.store.models import StoredJob, new_id, now
 from sim.investigation.report.panels import AS_DESCRIBED, DESCRIBED, EXTENDED, FLOOR, MEASURED
@@ -92,16 +91,6 @@ def test_the_line_of_the_circle_is_the_phase_of_the_text(tab: Tab, site: Site) -
             }"""
         )
         assert abs((highest + 2.5 - float(found[1]) + 180) % 360 - 180) < 15
-
-
-def test_the_line_of_the_circle_points_where_its_sector_is() -> None:
-    """A quarter of a cycle after a reversal is to the right, whatever is drawn there."""
-    drawn = polar_chart("t", [None] * 18 + [1.0] + [None] * 53, 92.0)
-    line = re.search(r'class="phase" data-phase="92" d="M(\S+) (\S+)L(\S+) (\S+)"', drawn)
-    assert line is not None
-    x0, y0, x1, y1 = map(float, line.groups())
-    assert x1 > x0 > 150
-    assert y1 > y0 > 150
 
 
 def test_a_thing_has_one_colour_and_stroke_over_panels_page_and_report(

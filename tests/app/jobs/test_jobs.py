@@ -267,13 +267,6 @@ def test_what_cannot_be(place: Place) -> None:
     assert states == {"queued"}
 
 
-def test_the_same_job_twice_is_one_job(place: Place) -> None:
-    parameters = {"count": 1, "seconds": 0.0, "folder": str(place.folder)}
-    first = place.jobs.submit("count", dict(parameters), job_id="order-1")
-    assert place.jobs.submit("count", dict(parameters), job_id="order-1") == first
-    assert [job.id for job in place.jobs.list()] == ["order-1"]
-
-
 def test_pages_of_jobs_hold_every_job_once_whatever_was_queued_in_the_same_moment(place: Place) -> None:
     made = {place.submit(1, 0.0) for _ in range(7)}
     seen: list[Job] = []
@@ -288,8 +281,3 @@ def test_pages_of_jobs_hold_every_job_once_whatever_was_queued_in_the_same_momen
     assert [job.id for job in seen] == sorted(made, reverse=True)
     with pytest.raises(InvalidCursorError):
         place.jobs.page(cursor="elsewhere")
-
-
-def test_a_cancelled_job_that_is_cancelled_again_stays_as_it_is(place: Place) -> None:
-    job_id = place.submit(1, 0.0)
-    assert place.jobs.cancel(job_id) == place.jobs.cancel(job_id)

@@ -121,14 +121,3 @@ def test_roles_and_wrong_orders(live_server: LiveServer, admin: httpx.Client) ->
     assert "gears" in wrong.json()["detail"]
     rust = admin.post("/api/v1/simulations", json={"axis": AXIS, "counts": {"rust": 1}})
     assert rust.status_code == 422
-
-
-@pytest.mark.parametrize("verb", ["cancel", "resume"])
-def test_a_cancelled_job_can_be_resumed(admin: httpx.Client, verb: str) -> None:
-    wanted = {"axis": AXIS, "per_label": 1, "seed": 5, "duration_s": 1.0}
-    job = admin.post("/api/v1/simulations", json=wanted).headers["Location"]
-    assert admin.delete(job).json()["state"] == "cancelled"
-    if verb == "resume":
-        assert admin.post(f"{job}/resume").json()["state"] == "queued"
-        assert admin.post(f"{job}/resume").status_code == 409
-        admin.delete(job)

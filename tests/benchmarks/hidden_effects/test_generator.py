@@ -6,18 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import welch
 
 from benchmarks.hidden_effects.generator import EFFECTS, Scenario, draw_recipe, generate
-from benchmarks.hidden_effects.generator.comparison import Recorded, compare
 from benchmarks.hidden_effects.generator.effect import Draw, Effect
 from benchmarks.hidden_effects.generator.joint import KINDS, Joint, draw_joint
 from benchmarks.hidden_effects.generator.kernel import SERVO_RATE_HZ, TELEMETRY_RATE_HZ
-from benchmarks.hidden_effects.generator.microphone import SOUND_RATE_HZ, fine_angle
 from benchmarks.hidden_effects.generator.motion import Motion, _move, draw_motion
 from benchmarks.hidden_effects.generator.plant import Damage, Plant, Run, build_plant, simulate
-from benchmarks.hidden_effects.generator.recording import Placed, mesh_orders
 
 
 def _drawn(seed: int, kind: str = "three shafts") -> tuple[Joint, Plant, Motion]:
@@ -119,42 +114,6 @@ def test_same_seed_same_data_and_another_seed_other_data() -> None:
     assert first.answer() == again.answer()
     assert all(np.array_equal(first.telemetry[name], again.telemetry[name]) for name in first.telemetry)
     assert first.axis != other.axis
-
-
-def _two_days(seed: int, *effects: str, level: float = 1.0) -> tuple[Joint, Recorded, Recorded, list[Placed]]:
-    rng = np.random.default_rng(seed)
-    joint = draw_joint(rng, "three shafts")
-    return joint, *compare(rng, joint, effects, level, 16.0)
-
-
-def _growth_db(as_new: Recorded, now: Recorded, order: float) -> float:
-    """Return by how much the line at `order` per turn of the motor has grown beside the loudness of all [dB]."""
-    levels = []
-    for day in (as_new, now):
-        angle = fine_angle(day.motor_angle)
-        speed = np.abs(np.gradient(angle))
-        wave = day.sound * np.exp(-1j * order * angle)
-        slow = uniform_filter1d(wave.real, 800) + 1j * uniform_filter1d(wave.imag, 800)
-        levels.append(np.sqrt(np.mean(np.abs(slow[speed > 0.5 * speed.max()]) ** 2)))
-    _, ratio = _spectra_db(as_new, now)
-    return float(20 * np.log10(levels[1] / levels[0]) - np.median(ratio))
-
-
-def _spectra_db(as_new: Recorded, now: Recorded) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies [Hz] above the fan's and how much louder they are now [dB]."""
-    frequency, then = welch(as_new.sound, SOUND_RATE_HZ, nperseg=1024)
-    ratio = 10 * np.log10(welch(now.sound, SOUND_RATE_HZ, nperseg=1024)[1] / then)
-    return frequency[frequency > 200], ratio[frequency > 200]
-
-
-@pytest.mark.parametrize(("seed", "level"), [(101, 1.0), (102, 1 / 3)])
-def test_lines_of_the_worn_mesh_grow_by_its_error_and_those_of_the_other_stay(seed: int, level: float) -> None:
-    joint, as_new, now, (placed,) = _two_days(seed, "mesh_error", level=level)
-    assert placed.amplitude == pytest.approx(10 * level)
-    for stage, order in zip(joint.stages, mesh_orders(joint), strict=True):
-        grown = np.mean([_growth_db(as_new, now, harmonic * order) for harmonic in (1, 2, 3)])
-        expected = 20 * np.log10(placed.amplitude) if stage.name == placed.effect.scored_location else 0.0
-        assert grown == pytest.approx(expected, abs=5.0)
 
 
 def _with_and_without(*effects: str) -> tuple[Scenario, Scenario]:

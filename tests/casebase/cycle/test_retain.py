@@ -8,7 +8,6 @@ from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 
 import migrations
-from casebase.description import Labelling
 from casebase.errors import (
     ConflictError,
     InvalidRequestError,
@@ -47,17 +46,6 @@ def test_tables_of_another_version_are_refused_in_a_sentence(sqlite_library: Cas
         upgrade_database(sqlite_library.engine)
 
 
-def test_same_recording_twice_is_one(library: CaseLibrary) -> None:
-    with library.transaction("test") as session:
-        first = store(library, session, [1.0, 2.0], seed=1)
-    with library.transaction("test") as session:
-        again = store(library, session, [1.0, 2.0], seed=1)
-        elsewhere = store(library, session, [1.0, 2.0], seed=1, gearbox="g1")
-    assert again.id == first.id
-    assert elsewhere.id != first.id
-    assert len(list(library.audio.hashes())) == 1
-
-
 def test_missing_features_come_back_missing(library: CaseLibrary) -> None:
     with library.transaction("test") as session:
         row = store(library, session, [1.5, float("nan"), -2.5])
@@ -71,13 +59,6 @@ def test_audio_is_on_disk_before_its_row(library: CaseLibrary) -> None:
     with library.transaction("test") as session:
         row = store(library, session, [1.0])
         assert library.retrieve.audio_path(row).stat().st_size == row.byte_count
-
-
-def test_generated_case_is_one_per_key(library: CaseLibrary) -> None:
-    with library.transaction("test") as session:
-        first = library.retain.case(session, store(library, session, [1.0], seed=1), Labelling("play", key="plan-7"))
-        other = library.retain.case(session, store(library, session, [2.0], seed=2), Labelling("play", key="plan-7"))
-    assert other.id == first.id
 
 
 def test_revision_needs_the_current_version_and_is_remembered(library: CaseLibrary) -> None:
@@ -120,23 +101,6 @@ def test_a_failed_transaction_leaves_nothing(library: CaseLibrary) -> None:
     with library.reading() as session:
         assert library.retrieve.cases(session, CaseFilter()).items == []
         assert library_version(session) == 0
-
-
-def test_pages_cover_every_case_once(library: CaseLibrary) -> None:
-    with library.transaction("test") as session:
-        made = {add_case(library, session, [1.0], "notch", seed=seed).id for seed in range(23)}
-    seen: list[str] = []
-    cursor = None
-    with library.reading() as session:
-        while True:
-            page = library.retrieve.cases(session, CaseFilter(label="notch"), limit=5, cursor=cursor)
-            seen += [case.id for case in page.items]
-            cursor = page.next_cursor
-            if cursor is None:
-                break
-    assert len(seen) == 23
-    assert set(seen) == made
-    assert seen == sorted(seen, reverse=True)
 
 
 def test_filters_select(library: CaseLibrary) -> None:

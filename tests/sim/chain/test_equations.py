@@ -13,7 +13,7 @@ import pytest
 import sim.chain
 from sim.chain import kernel
 from sim.chain.integrate import run_chain
-from sim.chain.model import Dent, Line, Servo, Torque, with_shaft
+from sim.chain.model import Dent, Line, Servo, with_shaft
 from sim.chain.motion_profile import back_and_forth
 from sim.errors import RunError
 from tests.sim.axes import three_shafts
@@ -69,8 +69,3 @@ def test_a_wrong_law_in_the_kernel_is_found(law: str, monkeypatch: pytest.Monkey
     monkeypatch.setattr(sim.chain, "kernel", changed)
     with pytest.raises(RunError, match="residual"):
         run()
-
-
-def test_a_torque_given_as_samples_passes() -> None:
-    torque = Torque(samples_n_m=np.cumsum(np.random.default_rng(1).normal(size=2001)) * 0.2, amplitude_n_m=2.0)
-    assert run_chain(three_shafts(), torque, 2000.0, 2001).residual.largest < 1e-8

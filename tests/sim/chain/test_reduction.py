@@ -13,15 +13,10 @@ from sim.chain.model import (
     ChainError,
     Dent,
     Line,
-    Link,
-    Servo,
-    Shaft,
     Torque,
     with_link,
     with_shaft,
 )
-from sim.chain.motion_profile import back_and_forth
-from sim.chain.reduction import CONTACT, STICK
 from sim.rotational.components import Gearbox, Inertia, Sine
 from sim.rotational.components import Torque as TorqueSource
 from sim.rotational.drive_train import DriveTrain
@@ -38,27 +33,6 @@ def paper_train(load: float, d: float, b: float) -> DriveTrain:
         gear=Gearbox(ratio=100, lossTable=[0, 0.9, 0.9, 0.9, 0.9], c=1e5, d=d, b=b),
         load=Inertia(J=load, phi=0, w=0),
     )
-
-
-def test_a_stuck_inertia_breaks_away_when_the_torque_reaches_its_friction() -> None:
-    chain = Chain((Shaft(0.5, coulomb_n_m=4.0),))
-    result = run_chain(chain, Torque(amplitude_n_m=10.0, frequency_hz=0.5), 1000.0, 500)
-    release = math.asin(4.0 / 10.0) / (2 * math.pi * 0.5)
-    assert result.log[0, 0] == pytest.approx(release, abs=1e-12)
-    t = np.maximum(result.time_s, release)
-    omega = math.pi
-    speed = (10 / omega * (math.cos(omega * release) - np.cos(omega * t)) - 4 * (t - release)) / 0.5
-    np.testing.assert_allclose(result.speed_rad_s[:, 0], speed, atol=1e-10)
-
-
-def test_contact_without_damping_lasts_half_a_period() -> None:
-    """A free wheel that runs into a spring of stiffness c comes back after pi sqrt(J_e / c)."""
-    chain = Chain((Shaft(2.0), Shaft(3.0)), (Link(1.0, 5e4, gap_rad=1e-3),))
-    result = run_chain(chain, Torque(), 4000.0, 120, start=np.array([0.0, 0.0, 0.05, 0.0]), substeps=4)
-    entered, left = result.log[:2, 0]
-    assert entered == pytest.approx(0.5e-3 / 0.05, abs=1e-12)
-    assert left - entered == pytest.approx(math.pi * math.sqrt(2.0 * 3.0 / 5.0 / 5e4), rel=1e-6)
-    assert result.speed_rad_s[-1] == pytest.approx([0.05 * (2 - 3) / 5, 0.05 * 2 * 2 / 5], rel=1e-9)
 
 
 def test_error_falls_with_the_fourth_power_of_the_step() -> None:
@@ -81,25 +55,6 @@ def test_error_falls_with_the_fourth_power_of_the_step() -> None:
     errors = [float(np.linalg.norm(end(n) - reference)) for n in (2, 4, 8, 16)]
     slopes = np.diff(np.log2(errors))
     assert np.mean(slopes) == pytest.approx(-4.0, abs=0.5), errors
-
-
-def test_energy_is_kept_without_friction() -> None:
-    chain = three_shafts(efficiency=(1.0, 1.0), damping_n_m_s_per_rad=0.0, cubic_per_rad2=2e4, law="elasto")
-    chain = with_link(chain, 0, damping_n_m_s_per_rad=0.0)
-    for k in range(3):
-        chain = with_shaft(chain, k, coulomb_n_m=0.0, viscous_n_m_s=0.0)
-    chain = with_shaft(chain, 2, gravity_n_m=50.0)
-    start = np.array([0.0, 0.0, 2e-3, 0.0, 0.0, 0.1])
-    run = run_chain(chain, Torque(), 8000.0, 16001, start=start, substeps=4)
-    kinetic = 0.5 * run.speed_rad_s**2 @ np.array([shaft.inertia_kg_m2 for shaft in chain.shafts])
-    elastic = np.zeros_like(kinetic)
-    for k, link in enumerate(chain.links):
-        twist = run.angle_rad[:, k] / link.ratio - run.angle_rad[:, k + 1]
-        into = np.maximum(np.abs(twist) - link.gap_rad / 2, 0)
-        elastic += link.stiffness_n_m_per_rad * (into**2 / 2 + link.cubic_per_rad2 * into**4 / 4)
-    energy = kinetic + elastic - 50.0 * np.cos(run.angle_rad[:, 2])
-    assert len(run.log) > 10
-    np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
 
 
 def test_teeth_that_err_or_are_damaged_make_no_energy() -> None:
@@ -128,41 +83,6 @@ def test_teeth_that_err_or_are_damaged_make_no_energy() -> None:
     np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
 
 
-def test_work_of_the_motor_is_stored_or_lost() -> None:
-    """Integrated power of the drive = change of energy + friction, damping and loss in the mesh."""
-    chain = with_link(three_shafts(gap_rad=0.0), 0, gap_rad=0.0)
-    run = run_chain(chain, PUSH, 8000.0, 8001)
-    w, angle = run.speed_rad_s, run.angle_rad
-    power = run.motor_torque_n_m * w[:, 0]
-    lost = np.zeros_like(power)
-    for k, shaft in enumerate(chain.shafts):
-        lost += shaft.coulomb_n_m * np.abs(w[:, k]) + shaft.viscous_n_m_s * w[:, k] ** 2
-    stored = 0.5 * w**2 @ np.array([shaft.inertia_kg_m2 for shaft in chain.shafts])
-    for k, link in enumerate(chain.links):
-        rate = w[:, k] / link.ratio - w[:, k + 1]
-        lost += link.damping_n_m_s_per_rad * rate**2
-        stored += 0.5 * link.stiffness_n_m_per_rad * (angle[:, k] / link.ratio - angle[:, k + 1]) ** 2
-    carried = run.force_n_m[:, 1] / 11.0
-    drives = carried * w[:, 1] > 0
-    lost += w[:, 1] * carried * np.where(drives, 1 / 0.96 - 1, 0.96 - 1)
-    done = np.concatenate([[0], np.cumsum(0.5 * (power[1:] + power[:-1]))]) / 8000.0
-    dissipated = np.concatenate([[0], np.cumsum(0.5 * (lost[1:] + lost[:-1]))]) / 8000.0
-    assert done[-1] > 0.1
-    np.testing.assert_allclose(stored + dissipated, done, atol=2e-5 * np.abs(done).max())
-
-
-def test_the_mirrored_drive_gives_the_mirrored_motion() -> None:
-    """Turn torque, asymmetry, flank and angle of a dent round, and everything turns round."""
-    chain = with_shaft(three_shafts(dents=(Dent(2, 0.01, 0.02, 4e-4, 1),)), 2, coulomb_backward_n_m=9.0)
-    mirrored = with_link(chain, 1, dents=(Dent(2, -0.01, 0.02, 4e-4, -1),))
-    mirrored = with_shaft(mirrored, 2, coulomb_n_m=9.0, coulomb_backward_n_m=7.0)
-    one = run_chain(chain, PUSH, 2000.0, 2000)
-    other = run_chain(mirrored, replace(PUSH, amplitude_n_m=-8.0), 2000.0, 2000)
-    np.testing.assert_allclose(other.angle_rad, -one.angle_rad, atol=1e-11)
-    contacts = [run.log[run.log[:, 1] <= STICK, 0] for run in (one, other)]
-    np.testing.assert_allclose(contacts[1], contacts[0], atol=1e-9)
-
-
 def test_a_torque_over_time_moves_a_shaft_as_the_same_torque_of_its_motor_does() -> None:
     driven = paper_train(40.0, 1000.0, 1e-3)
     wave = TorqueWave(torque=12.0, frequency=0.45)
@@ -171,26 +91,6 @@ def test_a_torque_over_time_moves_a_shaft_as_the_same_torque_of_its_motor_does()
     for name in ("motor.phi", "load.phi"):
         assert np.abs(one[name] - other[name]).max() <= 1e-9 * np.ptp(one[name])
     np.testing.assert_allclose(other["wave.tau"], one["torque.tau"], atol=1e-9)
-
-
-def test_results_do_not_depend_on_the_output_rate() -> None:
-    chain = three_shafts(damping_n_m_s_per_rad=900.0)
-    coarse = run_chain(chain, PUSH, 1000.0, 1001, substeps=16)
-    fine = run_chain(chain, PUSH, 8000.0, 8001, substeps=2)
-    np.testing.assert_allclose(coarse.angle_rad, fine.angle_rad[::8], atol=1e-9)
-
-
-def test_play_hits_twice_per_cycle() -> None:
-    """Back and forth under a servo, a wide gap is crossed once at each change of the torque's sign."""
-    chain = three_shafts(gap_rad=3e-3, damping_n_m_s_per_rad=600.0)
-    t = np.arange(40000) / 4000.0
-    reference = back_and_forth(t, 2.5, 240.0, 0.4)
-    reference[2] *= 0.0072
-    servo = Servo(reference, 12.0, 0.5, 0.08, 500.0, 200.0)
-    run = run_chain(chain, servo, 4000.0, t.size)
-    into = run.log[(run.log[:, 1] == CONTACT) & (run.log[:, 2] == 1) & (run.log[:, 3] == 0)]
-    hits = into[1:][(into[1:, 4] > 0) != (into[:-1, 4] > 0), 0]
-    assert np.count_nonzero((hits >= 2.5) & (hits < 7.5)) == 4
 
 
 @pytest.mark.parametrize(

@@ -21,15 +21,6 @@ def test_a_longer_plan_contains_the_shorter_one() -> None:
     assert long[:5] == short
 
 
-def test_a_part_of_a_plan_is_the_part_of_the_whole() -> None:
-    counts = {"normal": 3, "play": 0, "notch": 4}
-    assert plan(PAPER_AXIS, counts, 3, only=range(2, 5)) == plan(PAPER_AXIS, counts, 3)[2:5]
-
-
-def test_seeds_make_different_plans() -> None:
-    assert plan(PAPER_AXIS, {"notch": 3}, 0) != plan(PAPER_AXIS, {"notch": 3}, 1)
-
-
 def test_sizes_fill_their_range_evenly() -> None:
     for label, span in (("play", GAP_RAD), ("notch", DEPTH_RAD)):
         sizes = [each.size for each in plan(PAPER_AXIS, {label: 64}) if each.size is not None]

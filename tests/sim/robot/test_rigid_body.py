@@ -87,15 +87,6 @@ def test_what_is_fixed_to_a_link_counts_into_it() -> None:
     assert body.links == ("link1", "link2", "link3")
 
 
-def test_stops_of_joints_ask_for_no_torque() -> None:
-    """Soft limits and zeros are set by hand: a position beyond the URDF's range is moved through all the same."""
-    links = two_links()
-    q, qd, qdd = motion(2)
-    np.testing.assert_allclose(
-        RigidBody.of(robot(links)).torque(q + 7.0, qd, qdd), torque(links, q + 7.0, qd, qdd), atol=1e-9
-    )
-
-
 def test_a_link_without_mass_between_two_joints_is_a_frame() -> None:
     base, last = two_links()
     links = [base, Link((0.4, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, (0.0, 0.0, 0.0)), replace(last, origin=(0.0, 0.0, 0.0))]

@@ -9,13 +9,9 @@ from sim.rotational.components import (
     BearingFriction,
     Brake,
     Inertia,
-    LossyGear,
-    Position,
     Ramp,
-    Sine,
     Speed,
     Spring,
-    Step,
 )
 from sim.rotational.drive_train import DriveTrain
 from sim.solver import simulate
@@ -30,19 +26,6 @@ def test_a_speed_that_rises_from_rest_is_followed(friction: Component) -> None:
     np.testing.assert_allclose(result["source.flange.tau"], -7.0, rtol=1e-12)
 
 
-def test_friction_alone_at_a_given_position() -> None:
-    """Nothing has inertia; the friction turns with the speed, at the crests of the cosine."""
-    train = DriveTrain.series(
-        source=Position(Sine(amplitude=0.1, f=1, phase=np.pi / 4, offset=0.5), exact=True),
-        friction=BearingFriction([[0, 5.0], [100, 5.0]], peak=1.001),
-    )
-    result = simulate(train, 1.0, 100.0)
-    assert [event.to_mode for event in result.events] == [-1, 1]
-    np.testing.assert_allclose([event.time_s for event in result.events], [0.125, 0.625], atol=1e-9)
-    sign = np.where((result.time_s < 0.125) | (result.time_s > 0.625), 1.0, -1.0)
-    np.testing.assert_allclose(result["friction.tau"], 5.0 * sign, rtol=1e-12)
-
-
 def test_a_shaft_held_at_rest_leaves_friction_nothing_to_hold() -> None:
     """Nothing determines how source and stuck friction share a spring's torque; friction has no more than its limit."""
     train = DriveTrain.series(
@@ -55,14 +38,6 @@ def test_a_shaft_held_at_rest_leaves_friction_nothing_to_hold() -> None:
     held = result.time_s > 0.2
     np.testing.assert_allclose(result["source.flange.tau"][held], result["spring.tau"][held], atol=1e-9)
     assert np.abs(result["friction.tau"]).max() <= 1.0 + 1e-12
-
-
-def test_a_filtered_step_into_a_lossy_gear() -> None:
-    train = DriveTrain.series(
-        source=Speed(Step(10.0), f_crit=50), gear=LossyGear(2, [0, 0.9, 0.9, 0.1, 0.1]), body=Inertia(J=1)
-    )
-    result = simulate(train, 0.1, 1000.0)
-    np.testing.assert_allclose(result["body.w"], 5.0, rtol=1e-12)
 
 
 def test_a_brake_whose_force_falls_to_zero_is_free() -> None:

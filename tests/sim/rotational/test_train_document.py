@@ -10,7 +10,7 @@ import tomli_w
 
 from sim.errors import CompositionError, ParameterError, SimulationError
 from sim.rotational.component import Component, Signal
-from sim.rotational.components import COMPONENTS, ElastoBacklash, Inertia, LossyGear, Sampled, Sine, Torque
+from sim.rotational.components import COMPONENTS, ElastoBacklash, Inertia, LossyGear, Sine, Torque
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.train_document import SIGNALS, read_train
 from sim.solver import simulate
@@ -177,11 +177,3 @@ def test_every_parameter_of_every_component_comes_back(kind: type) -> None:
         part = made if isinstance(made, Component) else Torque(made)
         text = tomli_w.dumps({"components": {"part": table_of(part)}})
         assert table_of(read_train(text)["part"]) == table_of(part)
-
-
-def test_samples_are_read_as_numbers() -> None:
-    text = 'components.a = {type = "Torque", tau = {type = "Sampled", values = [0, 1, 4], sample_rate_hz = 10}}'
-    part = read_train(text)["a"]
-    assert isinstance(part, Torque)
-    assert isinstance(part.tau, Sampled)
-    assert part.tau.values.tolist() == [0.0, 1.0, 4.0]

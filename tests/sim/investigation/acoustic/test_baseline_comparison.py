@@ -153,13 +153,6 @@ def test_several_recordings_add_up_and_one_without_speaks_against() -> None:
     assert any("contradict" in remark for remark in mixed.remarks)
 
 
-def test_the_least_growth_over_several_as_new_counts() -> None:
-    """What one as-new recording had already is as new."""
-    now, before = heard(11, loose=True), heard(12, loose=True)
-    assert said(sound_alone(AXIS, [now], [AS_NEW])) == [("structural_resonance", None)]
-    assert said(sound_alone(AXIS, [now], [AS_NEW, before])) == []
-
-
 def test_each_recording_as_new_speaks_for_itself() -> None:
     """Over one of them both gears have grown alike, so that neither has more than the other."""
     now = heard(21, louder={"transfer": 5.0, "output": 5.0})

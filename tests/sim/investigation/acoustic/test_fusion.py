@@ -92,11 +92,6 @@ def names(listened: AcousticResult) -> list[str]:
     return [h.mechanism for h in listened.heard]
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_gearbox_in_good_order_is_silent(seed: int) -> None:
-    assert names(hear(running(seed))) == []
-
-
 @pytest.mark.parametrize(("angle", "forward"), [(0.4, True), (-0.7, True), (0.4, False)])
 def test_impacts_at_one_angle_one_way_are_a_damaged_tooth_of_the_output_gear(angle: float, forward: bool) -> None:
     heard = hear(with_impacts(running(5), passes(angle, forward))).heard
@@ -139,46 +134,6 @@ def test_a_finding_is_less_sure_beside_a_line_without_a_name() -> None:
         investigate(AXIS, None, recording(one)).findings for one in (impacts, impacts + line(1777.0))
     )
     assert sure.probability > 0.9 > doubted.probability
-
-
-def test_as_many_impacts_at_random_times_are_no_damaged_tooth() -> None:
-    count = passes(0.4, True).size
-    moments = np.random.default_rng(1).uniform(0.0, SECONDS, count)
-    assert names(hear(with_impacts(running(5), moments))) == []
-
-
-def test_impacts_at_one_angle_both_ways_are_no_tooth_that_is_damaged_on_one_flank() -> None:
-    both = np.concatenate([passes(0.0, True), passes(0.0, False)])
-    assert "tooth_damage" not in names(hear(with_impacts(running(5), both)))
-
-
-def test_impacts_where_braking_begins_at_both_ends_are_play() -> None:
-    starts = np.flatnonzero(np.diff((np.abs(LOAD_SPEED) >= 0.999 * SPEED_RAD_S).astype(int)) < 0)
-    heard = hear(with_impacts(running(7), TIME[starts])).heard
-    assert [h.mechanism for h in heard] == ["backlash"]
-
-
-def test_lines_at_an_order_that_no_gear_has_are_a_bearing() -> None:
-    order = 5.21
-    hits = np.flatnonzero(np.diff(np.floor(order * MOTOR_TURNS)) > 0)
-    after = np.arange(160) / RATE
-    ring = 0.08 * np.exp(-after / 0.0015) * np.sin(2.0 * math.pi * 2300.0 * after)
-    sound = running(8)
-    for hit in hits[hits < sound.size - after.size]:
-        sound[hit : hit + after.size] += ring * abs(LOAD_SPEED[hit]) / SPEED_RAD_S
-    heard = hear(sound).heard
-    assert [h.mechanism for h in heard] == ["bearing_defect"]
-    assert heard[0].parameters["order"][0] == pytest.approx(order, rel=0.003)
-
-
-def test_a_line_that_comes_with_the_motion_is_no_hum() -> None:
-    share = np.abs(LOAD_SPEED) / SPEED_RAD_S
-    swept = 0.05 * share * np.sin(2.0 * math.pi * np.cumsum(53.0 * share) / RATE)
-    gated = 0.05 * share * np.sin(2.0 * math.pi * 50.0 * TIME)
-    steady = 0.01 * np.sin(2.0 * math.pi * 50.0 * TIME)
-    assert "electrical_hum" not in names(hear(running(9) + swept))
-    assert "electrical_hum" not in names(hear(running(9) + gated))
-    assert names(hear(running(9) + steady)) == ["electrical_hum"]
 
 
 def test_a_sound_that_stops_for_a_while_has_lost_samples() -> None:
@@ -296,13 +251,6 @@ def test_a_recording_in_which_a_fault_cannot_be_heard_does_not_speak_against_it(
     (alone,), (both,) = (investigate(AXIS, None, sounds).findings for sounds in ([ill], [ill, short]))
     assert both.probability == alone.probability
     assert "Could not be looked for in the second." in both.explanation
-
-
-def test_a_copy_is_no_more_evidence() -> None:
-    ill = recording(with_impacts(running(11), passes(0.4, True)))
-    once, twice = investigate(AXIS, None, [ill]), investigate(AXIS, None, [ill, ill])
-    assert twice.findings == once.findings
-    assert "Copies count once: 1 of 2 recordings are left." in twice.remarks
 
 
 def test_a_sound_of_another_motion_is_asked_whether_it_belongs_to_the_telemetry() -> None:

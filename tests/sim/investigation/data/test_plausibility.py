@@ -83,11 +83,6 @@ def test_a_data_sheet_that_is_wrong_by_two_passes(table: str, key: str, factor: 
     assert said(table, key, factor) == ""
 
 
-def test_a_description_with_nothing_but_inertias_passes() -> None:
-    bare = {"motor": {"inertia_kg_m2": 0.15}, "stages": [{"ratio": 10}], "load": {"inertia_kg_m2": 15.0}}
-    assert examine(read_axis(bare), GOOD).remarks == ()
-
-
 @pytest.mark.parametrize(
     ("channels", "words"),
     [

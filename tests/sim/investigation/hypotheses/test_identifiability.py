@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.harness.telemetry_of import swing
 from signals.telemetry import Telemetry
 from sim.assembly import drive_train_of
 from sim.description.axis_document import read_axis
@@ -94,16 +93,6 @@ def test_an_interval_that_holds_the_size_as_new_is_no_finding_to_be_sure_of(
     assert is_beyond_new(worn, "backlash", "output", [replace(gap, low=0.21)])
 
 
-def test_no_gear_is_without_backlash_where_none_is_stated() -> None:
-    """A minute of arc, which makers of precision gear units promise, is no finding; what is stated is held against."""
-    gap = Estimate("gap_rad", 2.0e-4, "rad", 1.8e-4, 2.3e-4)
-    for stated, beyond in ((None, False), (5e-5, True)):
-        stage = {"name": "output", "ratio": 100} | ({} if stated is None else {"backlash_rad": stated})
-        axis = read_axis({"motor": {"inertia_kg_m2": 1.0}, "stages": [stage], "load": {"inertia_kg_m2": 1.0}})
-        assert is_beyond_new(axis, "backlash", "output", [gap]) == beyond
-        assert is_beyond_new(axis, "backlash", "output", [replace(gap, value=1e-3, low=9e-4, high=1.1e-3)])
-
-
 def test_a_ripple_of_any_order_is_found_by_the_angle() -> None:
     """Order 72 at one turn per second, shaken by the ripple itself: no line of fixed frequency."""
     rate_hz = 1000.0
@@ -118,21 +107,6 @@ def test_a_ripple_of_any_order_is_found_by_the_angle() -> None:
     assert ripple.probability > 0.9
     assert numbers["order"] == 72.0
     assert numbers["torque_n_m"] == pytest.approx(0.3, rel=0.15)
-
-
-@pytest.mark.parametrize("share", [0.002, 0.02, 0.08])
-def test_dry_friction_is_measured_whatever_speed_it_turns_over_by(share: float) -> None:
-    """Of the largest speed: grease and seals give way first, and a law that jumps would leave a spike per reversal."""
-    t, angle, speed, acceleration = swing()
-    rng = np.random.default_rng(2)
-    torque = INERTIA * acceleration + np.tanh(speed / (share * 60.0)) + 0.02 * speed
-    torque = torque + 0.05 * rng.standard_normal(t.size)
-    step = 2.0 * np.pi / 2**20
-    told = Telemetry(t, {"motor_torque_nm": torque, "motor_position_rad": np.round(angle / step) * step})
-    found = {f.mechanism: f for f in investigate(BARE, told).findings if f.probability > 0.5}
-    assert found.keys() == {"coulomb_friction", "viscous_friction"}
-    assert found["coulomb_friction"].parameters[0].value == pytest.approx(1.0, rel=0.05)
-    assert found["viscous_friction"].parameters[0].value == pytest.approx(0.02, rel=0.05)
 
 
 def test_an_inertia_that_nobody_knows_is_found_and_no_simulation_goes_without() -> None:

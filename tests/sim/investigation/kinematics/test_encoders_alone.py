@@ -81,19 +81,6 @@ def test_in_less_than_a_turn_nothing_is_said_once_per_turn() -> None:
     assert any("a whole turn" in remark for remark in result.remarks)
 
 
-def test_one_way_shows_no_lost_motion() -> None:
-    forth = SPEEDS[: int(np.argmax(SPEEDS > 6.9))]
-    result = investigate(axis(), log(forth, gap=1e-3))
-    assert result.findings == ()
-    assert any("both directions" in remark for remark in result.remarks)
-
-
-def test_what_is_as_new_is_no_finding() -> None:
-    record = log(SPEEDS, gap=1e-3, runout=2e-3)
-    assert investigate(axis(backlash_rad=4e-4, error_rad=8e-4), record).findings == ()
-    assert set(named(investigate(axis(backlash_rad=3e-4, error_rad=6e-4), record))) == {"backlash", "eccentricity"}
-
-
 def test_lost_motion_that_described_friction_winds_up_is_not_surely_a_gap() -> None:
     """100 N m either way on 1e5 N m/rad are 2 mrad of lost motion."""
     record = log(SPEEDS, gap=2e-3)
@@ -161,13 +148,6 @@ def test_a_load_pulled_against_its_motor_tells_the_gap() -> None:
 def as_reference(t: Telemetry) -> Telemetry:
     channels = {"reference_position_rad": np.full(t.rows, 3.0), "load_position_rad": t["load_position_rad"]}
     return Telemetry(t.time_s, channels)
-
-
-def test_a_load_that_is_never_let_go_may_give_way_all_the_time() -> None:
-    found = named(investigate(axis(), pulled_by_hand(let_go=False)))["backlash"]
-    assert found.probability <= 0.5
-    assert found.parameters[0].low == 0.0
-    assert found.parameters[0].high == pytest.approx(GAP + 2 * GIVES, rel=0.05)
 
 
 def test_a_load_that_rings_behind_a_motor_that_stops_was_not_pulled() -> None:

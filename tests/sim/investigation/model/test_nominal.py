@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
 
 from sim.description.axis import Axis
@@ -86,10 +84,3 @@ def test_an_investigation_begins_with_the_machine_that_is_simulated(axis: Axis) 
         for one, two in zip(began.shafts, simulated.shafts, strict=True):
             for field in ("inertia_kg_m2", "coulomb_n_m", "viscous_n_m_s"):
                 assert getattr(one, field) == pytest.approx(getattr(two, field))
-
-
-def test_what_nobody_knows_of_a_gear_rings_at_80_hz_and_is_damped_by_2_percent() -> None:
-    link = chain_of(read_axis({"motor": MOTOR, "load": LOAD, "stages": [{"name": "output", "ratio": 50}]}), {}).links[0]
-    own = math.sqrt(link.stiffness_n_m_per_rad / 4.0)
-    assert own == pytest.approx(2.0 * math.pi * 80.0)
-    assert link.damping_n_m_s_per_rad / (2.0 * own * 4.0) == pytest.approx(0.02)
