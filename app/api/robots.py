@@ -7,24 +7,21 @@ from sqlalchemy.orm import Session
 
 from app.api.axes import AfterName, AfterRevision, Revision
 from app.documents import Limit, PageOf, RobotAnswer, page_of
-from app.http.errors import TooLarge, Unprocessable
 from app.http.headers import location
 from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Admin, Viewer
-from app.http.uploads import TheUpload, Upload
+from app.http.uploads import BINARY, TheUpload
+from app.investigation_request import described_robot
 from app.investigations import add_robot
-from app.service import Reading, Service
+from app.service import Reading
 from casebase.store import revisions
 from casebase.store.models import RobotRevision
-from sim.robot.foreign import ForeignRobot, check_foreign, foreign_robot
-from sim.robot.robot import LARGEST_URDF_BYTES
 
 router = APIRouter(tags=["robots"])
 
 Name = Annotated[str, Path(min_length=1, max_length=200, pattern=r"^[^\x00]*$", description="name of the robot")]
 XML = "application/xml"
 PARTS = ("robot", "urdf", "axis")
-BINARY = {"type": "string", "format": "binary"}
 ROBOT_PARTS = {
     "robot": {"type": "string", "description": "robot.toml or the same as JSON, of all logged joints"},
     "urdf": {**BINARY, "description": "the robot's links and joints, as URDF"},
@@ -91,48 +88,3 @@ def post_robot(_: Admin, upload: TheUpload, once: OnlyOnce, request: Request) ->
         return Made(RobotAnswer.model_validate(row), location(request, "get_robot", name=row.name))
 
     return once.run(work, robot.document, robot.urdf)
-
-
-def robot_of(service: Service, upload: Upload) -> ForeignRobot:
-    """Return the robot of a request: described there, or stored under the name that it gives.
-
-    Raises:
-        Unprocessable: if a part is missing, or is one too many.
-        NotFoundError: if no robot of that name is stored.
-        SimulationError: if the description is wrong.
-    """
-    text = upload.text("robot", service.settings.document_bytes).strip()
-    if not text:
-        raise Unprocessable("The part 'urdf' belongs to a robot: send its robot.toml, or the same as JSON, as 'robot'.")
-    if upload.fields.get("axis", "").strip():
-        raise Unprocessable(
-            "The parts 'axis' and 'robot' are one too many: send the axis alone, or the robot. An axis of one of its "
-            "joints comes as a file, under the name that the joint gives, or as a table in the robot's description."
-        )
-    if any(mark in text for mark in "{=\n"):
-        return described_robot(service, upload)
-    if besides := sorted({"urdf", "axis"} & {*upload.files}):
-        raise Unprocessable(
-            f"The part {besides[0]!r} goes with a description, and 'robot' is the name of a stored robot, which has "
-            "its own: leave one of them out."
-        )
-    with service.library.reading() as session:
-        row = revisions.get(session, RobotRevision, text)
-        return foreign_robot(row.document, row.urdf)
-
-
-def described_robot(service: Service, upload: Upload) -> ForeignRobot:
-    """Return the robot that the parts of a request describe.
-
-    Raises:
-        Unprocessable: if a part is missing.
-        SimulationError: if the description is wrong.
-    """
-    limit = service.settings.document_bytes
-    text = upload.text("robot", limit).strip()
-    if not text:
-        raise Unprocessable("The form needs the part 'robot': a robot.toml, or the same as JSON.")
-    urdf = upload.file("urdf")
-    if urdf.size > LARGEST_URDF_BYTES:
-        raise TooLarge(f"The part 'urdf' has {urdf.size} bytes; it may have {LARGEST_URDF_BYTES}.")
-    return check_foreign(text, urdf.path.read_bytes(), upload.texts("axis", limit))

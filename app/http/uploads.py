@@ -15,9 +15,9 @@ from pydantic import BaseModel
 from starlette.datastructures import FormData, Headers, UploadFile
 from starlette.formparsers import MultiPartException
 
-from app.http.concurrency_limiter import ConcurrencyLimiter
 from app.http.errors import BadRequest, TooLarge, Unprocessable, UnsupportedMedia
 from app.http.forms import FormParser, plain_name
+from app.http.security import ConcurrencyLimiter
 from app.service import Service, service_of
 from casebase.store.stale_locks import hold
 from signals.errors import TextError
@@ -25,6 +25,7 @@ from signals.reading.text import is_whole, text_of
 
 BLOCK = 1024 * 1024
 NAME_CHARACTERS = 255
+BINARY = {"type": "string", "format": "binary"}
 SEVERAL = ("sound", "telemetry", "as_new", "axis")
 """Parts that may come more than once: recordings of one axis, axes of a robot's joints."""
 
@@ -218,7 +219,7 @@ def multipart_body(
                 "required": ["file"],
                 "additionalProperties": False,
                 "properties": {
-                    "file": {"type": "string", "format": "binary", "description": "WAV, FLAC, or what a phone records"},
+                    "file": {**BINARY, "description": "WAV, FLAC, or what a phone records"},
                     "metadata": {**metadata.model_json_schema(), "description": "JSON: what is known of the recording"},
                 },
             },

@@ -3,8 +3,8 @@
 import structlog
 
 from app.periodic import Periodic
-from app.recordings.intake import DEMO
 from casebase.library import CaseLibrary
+from casebase.origins import DEMO
 from casebase.store.artifacts import active_artifact
 from casebase.store.erasing import expire
 

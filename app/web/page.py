@@ -1,13 +1,12 @@
-"""What every page is made with: who looks at it, what it is filled with, where its forms lead, what is counted.
+"""What every page is made with: who looks at it, what it is filled with, where its forms lead.
 
 A key stands in an HttpOnly cookie; forms carry a token that only a page of ours could know.
 """
 
 import secrets
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, TypeVar, cast
-from weakref import WeakKeyDictionary
+from typing import Annotated, TypeVar
 
 from fastapi import Depends, Form, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
@@ -32,8 +31,8 @@ from app.http.security import (
 from app.http.uploads import check_whole
 from app.report.formatting import ENVIRONMENT, instant
 from app.service import Service, service_of
-from casebase.library import CaseLibrary
-from casebase.store.counter import library_version
+from casebase.origins import DEMO
+from casebase.store.artifacts import active_artifact
 from casebase.store.models import StoredInvestigation
 
 Asked = TypeVar("Asked", bound=BaseModel)
@@ -51,10 +50,14 @@ NAVIGATION = (
     ("/keys", "Keys", "8", "admin"),
     ("/audit", "Audit", "9", "admin"),
 )
-Value = TypeVar("Value")
-_KEPT: WeakKeyDictionary[CaseLibrary, dict[str, tuple[int, object]]] = WeakKeyDictionary()
 Headlined = tuple[StoredInvestigation, str | None]
 _DOCUMENT = StoredInvestigation.document
+
+
+def demo_ids(session: Session) -> tuple[str, str] | None:
+    """Return diagnosis and recording of the demonstration that came with the starter library, if there is one."""
+    row = active_artifact(session, DEMO)
+    return None if row is None else (str(row.content["diagnosis_id"]), str(row.content["recording_id"]))
 
 
 class SignInNeeded(Exception):
@@ -221,28 +224,9 @@ def waiting_page(
     return render(request, "waiting.html", context, principal=principal, section=section)
 
 
-def counted(library: CaseLibrary, session: Session, name: str, count: Callable[[], Value]) -> Value:
-    """Return what `count` returns, as long as the library stays at a version without counting again.
-
-    The version is read first: were a change to come in between, what is kept would be too new, never too old.
-    """
-    version = library_version(session)
-    kept = _KEPT.setdefault(library, {})
-    known = kept.get(name)
-    if known is None or known[0] != version:
-        known = kept[name] = (version, count())
-    return cast(Value, known[1])
-
-
-def counts_of(library: CaseLibrary, session: Session) -> Mapping[tuple[str, str], int]:
-    """Return how many searchable cases there are per label and origin."""
-    return counted(library, session, "counts", lambda: library.retrieve.counts(session))
-
-
-def of_library(library: CaseLibrary, session: Session) -> str:
+def of_library(service: Service, session: Session) -> str:
     """Say that something is worked out from all cases, and how often."""
-    cases = sum(counts_of(library, session).values())
-    return f"the {cases:,} cases of the library, once until a case changes"
+    return f"the {sum(service.counts(session).values()):,} cases of the library, once until a case changes"
 
 
 def light() -> Select[StoredInvestigation]:

@@ -9,8 +9,8 @@ from fastapi.routing import APIRoute
 
 from app.jobs.job import Job, JobState, Json, Progress
 from app.jobs.jobs import KINDS
+from app.main import PAGES
 from app.web.page import visitor
-from app.web.pages import PAGES
 from benchmarks.harness.inside import Inside, ListedJobs, inside
 from casebase.store.models import new_id, now
 from tests.web.reading import Markup

@@ -17,8 +17,8 @@ from app.http.errors import NotFound, Unprocessable
 from app.http.keys import Role
 from app.report.words import VERDICTS
 from app.service import Reading, Service, TheJobs, TheService
+from app.web.forms import number
 from app.web.page import ROWS, FromOurPage, PageAdmin, PageOperator, checked_form, lead, render
-from app.web.pages.diagnoses import number
 from casebase.alarms import outbox, rules
 from casebase.store import audit
 
