@@ -20,22 +20,18 @@ from app.api import (
     jobs,
     operation,
     recordings,
-    robots,
-    simulations,
     steps,
 )
 from app.http.errors import add_problem_handlers
-from app.http.metrics import Metrics
-from app.http.middleware import CloseUnread, HeadIsGet, RequestRecord, SecurityHeaders
+from app.http.middleware import CloseUnread, HeadIsGet, Metrics, RequestRecord, SecurityHeaders
 from app.http.reference import PROBLEMS, describe, only_known_query
 from app.http.request_limits import RequestLimits, limits_of_all
 from app.http.security import ConcurrencyLimiter
 from app.report.formatting import STATIC
 from app.service import Service
 from app.settings import Settings, settings_of
-from app.web.errors import PageErrors, ask_which_label, sign_in_first
 from app.web.forms import LabelQuestion
-from app.web.page import SignInNeeded
+from app.web.page import PageErrors, SignInNeeded, ask_which_label, sign_in_first
 from app.web.pages import admin as admin_pages
 from app.web.pages import axes as axes_pages
 from app.web.pages import care as care_pages
@@ -46,7 +42,6 @@ from app.web.pages import fleet as fleet_pages
 from app.web.pages import investigations as investigations_pages
 from app.web.pages import library as library_pages
 from app.web.pages import recordings as recordings_pages
-from app.web.pages import session as session_pages
 from app.web.pages import simulate as simulate_pages
 from signals.reading.decode import warm_up
 
@@ -56,8 +51,8 @@ ROUTERS: tuple[APIRouter, ...] = (
     recordings.router,
     steps.router,
     axes.router,
-    robots.router,
-    simulations.router,
+    axes.robots,
+    jobs.simulations,
     jobs.router,
     alarms.router,
     investigations.router,
@@ -66,7 +61,6 @@ ROUTERS: tuple[APIRouter, ...] = (
 """Everything under /api/v1; a new noun is one line here."""
 
 PAGES: tuple[APIRouter, ...] = (
-    session_pages.router,
     fleet_pages.router,
     diagnoses_pages.router,
     recordings_pages.demonstration,

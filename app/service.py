@@ -14,13 +14,11 @@ from sqlalchemy.orm import Session
 
 from app.background_cache import Beside, CachedQuery, Pending
 from app.fleet import Fleet, alarm_watch
-from app.http.key_usage import KeyNotes
-from app.http.metrics import Metrics
+from app.http.keys import KeyNotes
+from app.http.middleware import Metrics
 from app.jobs.jobs import JobFeed, Jobs
-from app.periodic import Periodic
-from app.recordings.retention import retention
 from app.settings import Settings
-from app.upkeep import Upkeep, leftovers
+from app.upkeep import Periodic, Upkeep, leftovers, retention
 from casebase.library import CaseLibrary
 from casebase.reasoning.evaluation import Evaluation
 from casebase.review import Review, review

@@ -22,8 +22,7 @@ from app.documents import (
     page_of,
 )
 from app.http.errors import Unprocessable
-from app.http.headers import chosen
-from app.http.idempotency import Made, OnlyOnce
+from app.http.headers import Made, OnlyOnce, chosen
 from app.http.security import Operator, ReadingLimit, Viewer
 from app.http.uploads import TheUpload, multipart_body
 from app.recordings.intake import decoded, hear, take_in

@@ -3,16 +3,21 @@
 A key stands in an HttpOnly cookie; forms carry a token that only a page of ours could know.
 """
 
+import json
 import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, TypeVar
+from urllib.parse import quote
 
 from fastapi import Depends, Form, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 from pydantic import BaseModel, ValidationError
 from sqlalchemy import ColumnElement, Select, select
 from sqlalchemy.orm import Session, defer
+from starlette import types
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.background_cache import Pending
 from app.http.errors import Forbidden, NotAuthenticated, validation_problem
@@ -29,7 +34,7 @@ from app.http.security import (
     principal_of,
 )
 from app.http.uploads import check_whole
-from app.report.formatting import ENVIRONMENT, instant
+from app.report.formatting import ENVIRONMENT, instant, sentence
 from app.service import Service, service_of
 from casebase.origins import DEMO
 from casebase.store.artifacts import active_artifact
@@ -247,3 +252,68 @@ def newest(session: Session, most: int, *where: ColumnElement[bool]) -> list[Hea
     """Return the newest investigations of which all this holds, with what each found."""
     statement = light().where(*where).order_by(StoredInvestigation.id.desc()).limit(most)
     return headlined(session, session.scalars(statement).all())
+
+
+class PageErrors:
+    """Turns problem+json into a page for requests of a browser outside /api."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or not _wants_page(scope):
+            await self.app(scope, receive, send)
+            return
+        started: types.Message | None = None
+        body = b""
+
+        async def send_page(message: types.Message) -> None:
+            nonlocal started, body
+            if message["type"] == "http.response.start" and _is_problem(message):
+                started = message
+                return
+            if started is None:
+                await send(message)
+                return
+            body += message.get("body", b"")
+            if not message.get("more_body", False):
+                await _error_page(scope, receive, send, body, int(started["status"]))
+
+        await self.app(scope, receive, send_page)
+
+
+def _wants_page(scope: Scope) -> bool:
+    accepted = Headers(scope=scope).get("accept", "")
+    return "text/html" in accepted and not scope["path"].startswith("/api/")
+
+
+def _is_problem(message: types.Message) -> bool:
+    return Headers(raw=message["headers"]).get("content-type", "").startswith("application/problem+json")
+
+
+async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, status: int) -> None:
+    request = Request(scope)
+    problem = json.loads(body)
+    principal = getattr(request.state, "principal", None)
+    came_from = request.headers.get("referer", "")
+    context = {
+        "title": problem.get("title", ""),
+        "detail": sentence(problem.get("detail", "")),
+        "status": status,
+        "back": came_from if came_from.startswith(str(request.base_url)) else "",
+    }
+    page = render(request, "error.html", context, principal=principal, status=status)
+    await page(scope, receive, send)
+
+
+async def sign_in_first(request: Request, error: Exception) -> RedirectResponse:
+    """Answer SignInNeeded with the way to the sign-in page."""
+    return lead(service_of(request), f"/sign-in?next={quote(str(error), safe='')}")
+
+
+async def ask_which_label(request: Request, error: Exception) -> HTMLResponse:
+    """Answer LabelQuestion with the question; the answer goes where the form went, with all that it said."""
+    form = (await request.form()).multi_items()
+    given = [(name, value) for name, value in form if name not in ("csrf", "label", "another", "sure")]
+    context = {"question": error, "path": below_root(request), "given": given}
+    return render(request, "label.html", context, principal=known(request), section="/diagnoses")

@@ -26,7 +26,7 @@ from typing import Any
 import httpx
 import structlog
 
-from app.http.metrics import Metrics
+from app.http.middleware import Metrics
 from app.http.security import COOKIE, ConcurrencyLimiter, csrf_token
 from app.jobs.job import JobKind, Json, Report
 from app.jobs.jobs import Jobs

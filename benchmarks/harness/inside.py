@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from structlog.testing import capture_logs
 
 from app.http.keys import Role, create_key
-from app.http.metrics import Metrics
+from app.http.middleware import Metrics
 from app.http.security import COOKIE, FORM_COOKIE, ConcurrencyLimiter, csrf_token
 from app.jobs.job import Job, JobNotFoundError, Progress
 from app.main import create_app

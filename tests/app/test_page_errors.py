@@ -86,7 +86,7 @@ def test_a_fault_in_any_page_is_a_page(
     service: Inside, monkeypatch: pytest.MonkeyPatch, method: str, path: str
 ) -> None:
     """HTML with the words of the problem document, its status, headers and id."""
-    for where in ("app.web.pages.session", "app.web.page"):
+    for where in ("app.web.pages.admin", "app.web.page"):
         monkeypatch.setattr(f"{where}.principal_of", fail)
     monkeypatch.setitem(service.app.dependency_overrides, visitor, fail_as_a_dependency)
     form = {"data": {"key": "gearcase_x"}} if method == "POST" else {}

@@ -11,7 +11,7 @@ from pydantic import Field
 from sqlalchemy import select
 from starlette.background import BackgroundTask
 
-from app.api.simulations import SimulationRequest, campaign_of
+from app.api.jobs import SimulationRequest, campaign_of
 from app.background_cache import Pending
 from app.http.errors import Unprocessable
 from app.http.security import check_csrf

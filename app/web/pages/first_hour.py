@@ -7,7 +7,7 @@ from urllib.parse import quote
 from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import Response
 
-from app.api.simulations import SimulationRequest, campaign_of
+from app.api.jobs import SimulationRequest, campaign_of
 from app.axes import TEMPLATES, check_known
 from app.background_cache import Pending
 from app.http.errors import Unprocessable

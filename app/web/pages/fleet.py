@@ -10,8 +10,8 @@ from fastapi.responses import Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from app.report.charts import charts_of, level_chart
 from app.report.standing_words import WORDS, day, evidence_words, next_steps, since_words, state_badge, trend_words, why
-from app.report.trend import charts_of, level_chart
 from app.report.words import VERDICTS, in_short, is_compared, sure_of
 from app.service import Reading, TheService
 from app.web.first_hour import axis_cases, known_of_axis
