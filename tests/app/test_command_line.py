@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from app.cli import run
+from app.commands.faults import sentence
 from app.commands.serve import RULE
 from benchmarks.harness.live import gearcase
 from benchmarks.harness.sounds import sound
@@ -250,3 +251,10 @@ def test_no_telemetry_is_dropped(tmp_path: Path) -> None:
 def test_version(tmp_path: Path) -> None:
     done = gearcase("--version", data_dir=tmp_path)
     assert (done.code, done.stdout.strip()) == (0, version("gearcase"))
+
+
+def test_a_missing_file_is_named_without_numbers_of_the_system(tmp_path: Path) -> None:
+    path = tmp_path / "telemetry.csv"
+    with pytest.raises(FileNotFoundError) as missing:
+        path.read_bytes()
+    assert sentence(missing.value) == f"{path}: no such file"

@@ -9,10 +9,9 @@ import soundfile
 
 from app.cli import run
 from app.simulated.generation import condition_of, fitted_microphones
-from app.simulated.transfer_path import two_sample_test
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
-from signals.features import catalogue, extract
+from signals.features import extract
 from signals.recording import Recording
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode
 from sim.acoustics.transfer_path_fit import NormalRecording, scenario_like
@@ -60,18 +59,3 @@ def test_what_is_fitted_is_the_microphone_and_generation_uses_it(
     library.close()
     assert version == 1
     assert [mode.frequency_hz for mode in microphones[0].modes] == pytest.approx(found)
-
-
-def test_two_samples_of_one_kind_pass_and_of_two_kinds_do_not() -> None:
-    random, names = np.random.default_rng(0), len(catalogue())
-    one, same = random.standard_normal((12, names)), random.standard_normal((48, names))
-    alike, other = two_sample_test(one, same), two_sample_test(one, same + 1.0)
-    assert alike.p_value > 0.05
-    assert abs(alike.told_apart - 0.5) < 0.2
-    assert alike.unmatched == ()
-    assert (other.p_value, other.told_apart > 0.9) == (0.001, True)
-    shifted = same.copy()
-    shifted[:, list(catalogue()).index("play_bump_12_200_hz")] += 4.0
-    (unmatched,) = two_sample_test(one, shifted).unmatched
-    assert unmatched.feature == "play_bump_12_200_hz"
-    assert unmatched.difference > 2

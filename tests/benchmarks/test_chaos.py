@@ -22,17 +22,7 @@ def test_every_post_has_its_crash_points() -> None:
 def test_orders_of_jobs_are_done_once_wherever_they_were_killed() -> None:
     """On SQLite; `make chaos` has PostgreSQL too."""
     names = ["/simulations", "/investigations", "job: resumed"]
-    command = [
-        sys.executable,
-        "-m",
-        "benchmarks.chaos",
-        "crash-points",
-        "--json",
-        "--database",
-        "sqlite",
-        "--most",
-        "2",
-    ]
-    done = subprocess.run([*command, "--only", *names], capture_output=True, text=True, check=False)
+    words = ["-m", "benchmarks.chaos", "crash-points", "--json", "--database", "sqlite", "--most", "2", "--only"]
+    done = subprocess.run([sys.executable, *words, *names], capture_output=True, text=True, check=False)
     assert (done.returncode, json.loads(done.stdout.splitlines()[-1])) == (0, []), done.stderr[-3000:]
     assert done.stdout.count("   2 of") == len(names)

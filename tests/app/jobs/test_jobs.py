@@ -17,10 +17,11 @@ import psycopg
 import pytest
 from sqlalchemy import make_url
 
+from app.jobs import runner
 from app.jobs.job import Job, JobError, JobKind, JobNotFoundError, JobState, JobStateError, Json
 from app.jobs.jobs import Jobs
 from app.jobs.runner import Worker
-from casebase.errors import InvalidCursorError
+from casebase.errors import InvalidCursorError, LeaseLostError, StaleVersionError
 from casebase.library import CaseLibrary
 from casebase.store import leases
 from casebase.store.backup import backup, restore
@@ -281,3 +282,28 @@ def test_pages_of_jobs_hold_every_job_once_whatever_was_queued_in_the_same_momen
     assert [job.id for job in seen] == sorted(made, reverse=True)
     with pytest.raises(InvalidCursorError):
         place.jobs.page(cursor="elsewhere")
+
+
+def worker() -> runner.Worker:
+    return runner.Worker(None, None, {}, "lease", 1.0, Event())  # type: ignore[arg-type]
+
+
+def test_work_that_somebody_else_wrote_at_the_same_time_is_done_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last commit of a killed worker may arrive after another has begun its work anew."""
+    monkeypatch.setattr(runner, "RETRY_S", 0.0)
+    answers = [StaleVersionError("written"), StaleVersionError("written"), None]
+
+    def work(value: int) -> int:
+        if (error := answers.pop(0)) is not None:
+            raise error
+        return value
+
+    assert worker().patiently(work, 7) == 7
+
+
+def test_work_without_a_lease_is_left_to_others() -> None:
+    def work() -> None:
+        raise LeaseLostError("lost")
+
+    with pytest.raises(SystemExit):
+        worker().patiently(work)

@@ -1,5 +1,7 @@
 """The contract of every mechanism, over the whole catalogue; and that each leaves the signature that it claims."""
 
+from __future__ import annotations
+
 import re
 import tomllib
 from dataclasses import replace
@@ -16,7 +18,7 @@ from sim.description.axis_document import read_axis, write_axis
 from sim.errors import ParameterError
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.catalogue import mechanism_of, with_mechanism
-from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism
+from sim.mechanisms.mechanism import Law, Measurement, Mechanics, Mechanism
 from tests.sim.axes import axis, chain_of_axis
 
 Array = NDArray[np.float64]
@@ -275,3 +277,9 @@ def test_a_resonance_stays_at_its_frequency_whatever_the_speed() -> None:
         above = frequency > 30.0
         peaks.append(float(frequency[above][np.argmax(spectrum[above])]))
     np.testing.assert_allclose(peaks, 37.0 * np.sqrt(1 / (1 - 0.02)), rtol=0.02)
+
+
+@pytest.mark.parametrize("law", Law)
+def test_a_law_is_that_of_several_mechanisms_and_leaves_less_than_it_gains(law: Law) -> None:
+    assert sum(law in kind.traits.laws for kind in MECHANISMS.values()) > 1
+    assert 0.0 < law.share < 1.0

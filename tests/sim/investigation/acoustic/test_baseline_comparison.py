@@ -153,14 +153,6 @@ def test_several_recordings_add_up_and_one_without_speaks_against() -> None:
     assert any("contradict" in remark for remark in mixed.remarks)
 
 
-def test_each_recording_as_new_speaks_for_itself() -> None:
-    """Over one of them both gears have grown alike, so that neither has more than the other."""
-    now = heard(21, louder={"transfer": 5.0, "output": 5.0})
-    partly = heard(22, louder={"output": 5.0})
-    assert said(sound_alone(AXIS, [now], [partly])) == [("mesh_error", "transfer")]
-    assert said(sound_alone(AXIS, [now], [partly, AS_NEW])) == []
-
-
 @pytest.mark.parametrize(
     ("now", "before"),
     [
