@@ -7,8 +7,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.recordings.intake import take_in
-from app.recordings.metadata import RecordingMetadata
+from app.recordings.intake import RecordingMetadata, take_in
 from app.settings import settings_of
 from benchmarks.encoded_sounds import RATE, chunk, encode, fmt, noise, pcm, riff
 from casebase.library import CaseLibrary
