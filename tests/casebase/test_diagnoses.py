@@ -12,7 +12,7 @@ from casebase.library import CaseLibrary
 from casebase.reasoning.evaluation import evaluate
 from casebase.store.database import strict_json
 from casebase.store.models import StoredDiagnosis
-from signals.features import QualityFlag, Severity
+from signals.features import FlagLevel, QualityFlag
 from tests.casebase.made import NAMES, VERSION, add_case, extraction, store
 
 KINDS = {"normal": (0.0, 0.0), "notch": (8.0, 0.0), "play": (0.0, 8.0)}
@@ -92,7 +92,7 @@ def test_one_case_per_class_is_enough_to_answer_and_says_what_it_lacks(library: 
 @ON_SQLITE
 def test_an_unusable_recording_is_an_answer(library: CaseLibrary) -> None:
     fill(library)
-    flag = QualityFlag("too_quiet", Severity.UNUSABLE, "nothing but zeros; turn up the gain")
+    flag = QualityFlag("too_quiet", FlagLevel.UNUSABLE, "nothing but zeros; turn up the gain")
     with library.transaction("otto") as session:
         row = store(library, session, [0.0] * SIZE, seed=5)
         given = extraction([0.0] * SIZE)

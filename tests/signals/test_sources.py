@@ -11,7 +11,7 @@ import soundfile
 
 from benchmarks.encoded_sounds import BY_AV, LOSSLESS, LOSSY, RATE, chunk, encode, fmt, noise, pcm, riff
 from signals.errors import BrokenAudioError, NotAudioError
-from signals.features import Severity, extract
+from signals.features import FlagLevel, extract
 from signals.reading.decode import DecodeLimits, read_recording
 from signals.recording import Recording
 from tests.shared_data import shared
@@ -29,7 +29,7 @@ def written(tmp_path: Path, content: bytes) -> Recording:
     return read_recording(path)
 
 
-def severities(recording: Recording) -> dict[str, Severity]:
+def severities(recording: Recording) -> dict[str, FlagLevel]:
     return {flag.name: flag.severity for flag in extract(recording).quality}
 
 
@@ -63,7 +63,7 @@ def test_an_unfinished_header_is_read_to_the_end_and_said(tmp_path: Path, claime
     recording = written(tmp_path, riff(fmt(), chunk(b"data", DATA, claimed=claimed)))
     np.testing.assert_array_equal(recording.samples, SAMPLES)
     assert recording.source.missing_s is None
-    assert severities(recording)["truncated"] is Severity.NOTE
+    assert severities(recording)["truncated"] is FlagLevel.NOTE
 
 
 def test_an_empty_recording_before_other_chunks_is_not_read_to_the_end(tmp_path: Path) -> None:
@@ -71,8 +71,8 @@ def test_an_empty_recording_before_other_chunks_is_not_read_to_the_end(tmp_path:
         written(tmp_path, riff(fmt(), chunk(b"data", b""), chunk(b"LIST", LIST * 1000)))
 
 
-@pytest.mark.parametrize(("more", "severity"), [(2, Severity.NOTE), (8000, Severity.NOTE), (80_000, Severity.POOR)])
-def test_what_is_missing_is_said_in_seconds(tmp_path: Path, more: int, severity: Severity) -> None:
+@pytest.mark.parametrize(("more", "severity"), [(2, FlagLevel.NOTE), (8000, FlagLevel.NOTE), (80_000, FlagLevel.POOR)])
+def test_what_is_missing_is_said_in_seconds(tmp_path: Path, more: int, severity: FlagLevel) -> None:
     recording = written(tmp_path, riff(fmt(), chunk(b"data", DATA, claimed=len(DATA) + more)))
     np.testing.assert_array_equal(recording.samples, SAMPLES)
     assert recording.source.missing_s == pytest.approx(more / 2 / RATE)
@@ -121,7 +121,7 @@ def test_lossy_sound_is_read_and_flagged_unless_switched_off(tmp_path: Path, nam
     path = encode(tmp_path / "file", samples, int(RATE_HZ), container, codec, bit_rate)
     recording = read_recording(path)
     assert recording.duration_s == pytest.approx(8.0, abs=0.3)
-    assert severities(recording)["lossy"] is (Severity.POOR if name.startswith("amr") else Severity.NOTE)
+    assert severities(recording)["lossy"] is (FlagLevel.POOR if name.startswith("amr") else FlagLevel.NOTE)
     assert f"({recording.source.lossy})" in reason(recording, "lossy")
     envelopes = [
         np.sqrt(np.convolve(each.resampled(RATE_HZ).samples ** 2, np.ones(800), "same"))[1000:60_000]
@@ -191,7 +191,7 @@ def video(path: Path, *, silent: bool) -> Path:
 def test_floating_point_tagged_as_integers_is_unusable_and_integers_are_not(tmp_path: Path) -> None:
     samples = sound(Joint(duration_s=12.0)).astype("<f4")
     wrong = written(tmp_path, riff(fmt(bits=32), chunk(b"data", samples.tobytes())))
-    assert severities(wrong)["wrong_tag"] is Severity.UNUSABLE
+    assert severities(wrong)["wrong_tag"] is FlagLevel.UNUSABLE
     assert "floating point with an integer tag" in reason(wrong, "wrong_tag")
     long = np.concatenate((np.zeros(300_000, "<f4"), np.tile(samples, 4)))[: 300_050 + 262_144]
     assert written(tmp_path, riff(fmt(bits=32), chunk(b"data", long.tobytes()))).source.float_tag
@@ -227,11 +227,11 @@ def test_a_dead_first_channel_is_passed_over(tmp_path: Path, name: str) -> None:
     recording = read_recording(path)
     assert (recording.channel, recording.source.dead) == (1, (0,))
     np.testing.assert_allclose(recording.samples, LIVE, atol=2**-22)
-    assert severities(recording)["dead_channel"] is Severity.NOTE
+    assert severities(recording)["dead_channel"] is FlagLevel.NOTE
     assert reason(recording, "dead_channel").startswith("channel 0 carries no machine, channel 1 ")
     if name in ("noise", "hum"):
         asked = read_recording(path, channel=0)
-        assert severities(asked)["dead_channel"] is Severity.UNUSABLE
+        assert severities(asked)["dead_channel"] is FlagLevel.UNUSABLE
         assert reason(asked, "dead_channel").endswith("use channel 1")
     else:
         with pytest.raises(BrokenAudioError, match="channel 1 carries sound, use that"):
