@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 
@@ -23,7 +23,7 @@ from sim.investigation.report.wording import measurement_of_the_rest
 from sim.investigation.results import REPORTED, Estimate, Finding, Investigation
 from sim.investigation.unexplained import rounded
 from sim.mechanisms import TimeDelay
-from sim.robot.motion import Motion
+from sim.robot.motion import Motion, RobotLog
 from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
@@ -40,20 +40,6 @@ NOT_ITS_TORQUE = (
 DEAD = "motor_torque_nm: has the same value in all rows. The other joints were examined without it."
 HELD = "The joint was held still: nothing is told of its friction and its drive."
 BRIEFLY = "The joint moved too briefly: nothing is told of its friction and its drive."
-
-
-@dataclass(frozen=True)
-class RobotLog:
-    """One log of a robot: telemetry of each joint, in the joints' order, over one clock.
-
-    `recognised`: the channel map that reading it amounted to, where the columns were recognised; else empty.
-    `unusable`: why the torque of a joint could not be read, by its name.
-    """
-
-    name: str
-    joints: tuple[Telemetry, ...]
-    recognised: str = ""
-    unusable: Mapping[str, str] = field(default_factory=dict)
 
 
 def investigate_robot(

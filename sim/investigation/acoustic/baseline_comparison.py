@@ -20,10 +20,20 @@ from signals.analysis import ANALYSIS_RATE_HZ
 from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.investigation.acoustic.evidence import AcousticFinding, Tail, log_ratio, probability
-from sim.investigation.acoustic.impacts import NO_STANDSTILL
-from sim.investigation.acoustic.levels import BAND_HZ, CELL, LEAST_AT_REST, LEAST_SEGMENTS, SEGMENT, cells
-from sim.investigation.acoustic.operating_states import Course, Cruise, Mask
-from sim.investigation.acoustic.spectral_lines import MULTIPLES, TRANSFORM, gamma_limit, mesh_orders, over_surroundings
+from sim.investigation.acoustic.operating_states import NO_STANDSTILL, Course, Cruise, Mask
+from sim.investigation.acoustic.order_spectrum import (
+    CELL,
+    LEAST_AT_REST,
+    LEAST_SEGMENTS,
+    LEVEL_BAND_HZ,
+    MULTIPLES,
+    SEGMENT,
+    TRANSFORM,
+    cells,
+    gamma_limit,
+    mesh_orders,
+    over_surroundings,
+)
 from sim.mechanisms import MeshError, StructuralResonance
 
 NO_AS_NEW = "no recording from when the axis was new was given to compare with"
@@ -152,7 +162,7 @@ def _hindrance_of_pitches(course: Course, as_new: Course) -> str | None:
     for one, where in ((course, ""), (as_new, "as new ")):
         if one.moving is None:
             return f"{where}{NO_STANDSTILL}"
-        if one.analysis.highest_hz < BAND_HZ[1]:
+        if one.analysis.highest_hz < LEVEL_BAND_HZ[1]:
             return f"{where}the sample rate of {one.analysis.recording.sample_rate_hz:.0f} Hz is too low"
         if one.levels.speeding is None:
             least = LEAST_SEGMENTS * SEGMENT / ANALYSIS_RATE_HZ
@@ -239,7 +249,7 @@ def _teeth_of(axis: Axis, course: Course, as_new: Course, ringing_hz: float) -> 
     length_s = float(min(np.median([c.length_s for c in cruises]) for _, cruises in groups))
     both = [_rows(one, cruises, length_s) for one, cruises in groups]
     spacing = ANALYSIS_RATE_HZ / TRANSFORM
-    highest = min(BAND_HZ[1], course.analysis.highest_hz, as_new.analysis.highest_hz)
+    highest = min(LEVEL_BAND_HZ[1], course.analysis.highest_hz, as_new.analysis.highest_hz)
     floor = gamma_limit(min(len(rows) for rows in both), 2.0 * BESIDE_HZ / spacing)
     rise = []
     for order in mesh_orders(axis):

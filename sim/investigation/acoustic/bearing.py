@@ -19,10 +19,8 @@ from scipy.stats import gamma, rankdata
 from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.investigation.acoustic.evidence import Tail
-from sim.investigation.acoustic.impacts import NO_STANDSTILL
-from sim.investigation.acoustic.operating_states import LEAST_CRUISES, Course, Mask
-from sim.investigation.acoustic.order_spectrum import BANDS, OrderSpectra
-from sim.investigation.acoustic.spectral_lines import mesh_orders
+from sim.investigation.acoustic.operating_states import LEAST_CRUISES, NO_STANDSTILL, Course, Mask
+from sim.investigation.acoustic.order_spectrum import BANDS, OrderSpectra, mesh_orders
 
 BASES = (2.0, 30.0)  # orders of rolling bearings per turn of the motor; shafts and teeth that err lie below
 MULTIPLES = 8

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from signals.recording import Recording
 from sim.description.axis import Axis
-from sim.investigation.acoustic.baseline_comparison import Grown, grown, unlike_recordings_as_new
-from sim.investigation.acoustic.coverage import WORDS, reach
-from sim.investigation.acoustic.evidence import AcousticFinding, AcousticResult
-from sim.investigation.acoustic.faults import bearing_defect, tooth_and_play
-from sim.investigation.acoustic.operating_states import LEAST_CRUISES, Course, course_of
-from sim.investigation.acoustic.recording_quality import recording_faults
-from sim.investigation.acoustic.residual import left_in
-from sim.investigation.acoustic.several_recordings import (
-    contradictions,
-    names_of,
-    with_recordings,
-    without_copies,
+from sim.investigation.acoustic.baseline_comparison import (
+    Grown,
+    grown,
+    hindrance_of_ringing,
+    hindrance_of_teeth,
+    unlike_recordings_as_new,
 )
+from sim.investigation.acoustic.bearing import bearing_hindrance
+from sim.investigation.acoustic.evidence import AcousticFinding, AcousticResult, log_ratio, probability
+from sim.investigation.acoustic.faults import SHOWN, bearing_defect, tooth_and_play, tooth_hindrance
+from sim.investigation.acoustic.operating_states import LEAST_CRUISES, Course, course_of
+from sim.investigation.acoustic.recording_quality import recording_faults, recording_hindrances
+from sim.investigation.acoustic.residual import left_in
 from sim.investigation.data.preprocessing import Measurement
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms import (
+    MECHANISMS,
     Backlash,
     BearingDefect,
     Clipping,
@@ -33,6 +34,121 @@ from sim.mechanisms import (
     ToothDamage,
 )
 from sim.mechanisms.catalogue import kind_or_any
+
+PLACES = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
+ALONE = 0.5  # probability from which a recording by itself would name a fault
+
+
+def names_of(sounds: Sequence[Recording]) -> tuple[str, ...]:
+    """What to call each recording: by its name where all have one of their own, else by its place."""
+    own = tuple(sound.name for sound in sounds)
+    if all(own) and len(set(own)) == len(own):
+        return own
+    return tuple(f"the {PLACES[i]}" if i < len(PLACES) else f"number {i + 1}" for i in range(len(sounds)))
+
+
+def without_copies(sounds: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
+    """Every recording once, and a remark where one was given more than once: that is no more evidence."""
+    kept = tuple({sound.sha256: sound for sound in reversed(sounds)}.values())[::-1]
+    if len(kept) == len(sounds):
+        return kept, ()
+    return kept, (f"Copies count once: {len(kept)} of {len(sounds)} recordings are left.",)
+
+
+def with_recordings(heard: AcousticFinding, names: Sequence[str]) -> AcousticFinding:
+    """Say in which recordings the evidence of a finding is, where there are several."""
+    if len(names) < 2:
+        return heard
+    known = list(zip(names, heard.p_values, strict=True))
+    shown = [name for name, p in known if p is not None and p < SHOWN]
+    silent = [name for name, p in known if p is not None and p >= SHOWN]
+    closed = [name for name, p in known if p is None]
+    said = f"Heard in {len(shown)} of {len(names)} recordings{': ' if shown else ''}{_listed(shown)}."
+    said += f" Not heard in {_listed(silent)}." if silent else ""
+    said += f" Could not be looked for in {_listed(closed)}." if closed else ""
+    return replace(heard, explanation=f"{heard.explanation} {said}")
+
+
+def contradictions(machine: Sequence[AcousticFinding], names: Sequence[str]) -> tuple[str, ...]:
+    """Where one recording by itself would name a fault and another speaks against it."""
+    out = []
+    for heard in machine:
+        alone = [name for name, p in zip(names, heard.p_values, strict=True)
+                 if p is not None and probability([p]) >= ALONE]  # fmt: skip
+        against = [name for name, p in zip(names, heard.p_values, strict=True) if p is not None and log_ratio(p) < 0.0]
+        if alone and against:
+            taken = "" if heard.probability >= ALONE else ", and all together do not name it"
+            out.append(
+                f"The recordings contradict each other: {WORDS[heard.mechanism]} would be named by {_listed(alone)} "
+                f"alone, but is not heard in {_listed(against)}{taken}. If they are of different axes, or of before "
+                "and after a repair, investigate them one by one."
+            )
+    return tuple(out)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([part for part in (", ".join(names[:-1]), *names[-1:]) if part])
+
+
+HEARD = (
+    ElectricalHum, Clipping, LostSamples, ToothDamage, Backlash, BearingDefect, MeshError, StructuralResonance,
+)  # fmt: skip
+"""What sound alone can show."""
+
+WORDS: Mapping[str, str] = {kind.name: kind.sound.name for kind in HEARD if kind.sound}
+
+NO_GEAR = "the axis has no gear"
+UNTOLD = "sound alone does not show it"
+
+
+@dataclass(frozen=True)
+class Reach:
+    """`examined` in one recording at least; `not_examined`: to the reason."""
+
+    examined: tuple[str, ...]
+    not_examined: Mapping[str, str]
+
+    def sentence(self) -> str:
+        """Both in words, as the first remark.
+
+        >>> Reach(("clipping",), {"backlash": "no standstill is heard"}).sentence()[:67]
+        'Examined: clipping. Not examined: backlash, because no standstill i'
+        """
+        examined = ", ".join(WORDS[name] for name in self.examined)
+        together: dict[str, list[str]] = {}
+        for name, reason in self.not_examined.items():
+            if name in WORDS:
+                together.setdefault(reason, []).append(WORDS[name])
+        parts = [f"{', '.join(names)}, because {reason}" for reason, names in together.items()]
+        parts.append("friction, stiffness, loads, runout, offsets and delays, because sound does not show them")
+        return f"Examined: {examined or 'nothing'}. Not examined: {'; '.join(parts)}."
+
+
+def reach(axis: Axis, courses: Sequence[Course], as_new: Sequence[Course] = ()) -> Reach:
+    """What all recordings together let be looked for, with those from when the axis was new."""
+    each = [_hindrances(axis, course, as_new) for course in courses]
+    examined = tuple(name for name in WORDS if not all(name in hindrances for hindrances in each))
+    hindered = {
+        name: ", or ".join(dict.fromkeys(hindrances[name] for hindrances in each))
+        for name in WORDS
+        if name not in examined
+    }
+    rest = {name: UNTOLD for name in sorted(MECHANISMS) if name not in WORDS}
+    return Reach(examined, {**hindered, **rest})
+
+
+def _hindrances(axis: Axis, course: Course, as_new: Sequence[Course]) -> dict[str, str]:
+    of_gear = tooth_hindrance(course) if axis.stages else NO_GEAR
+    of_machine = {
+        ToothDamage.name: of_gear,
+        Backlash.name: of_gear,
+        BearingDefect.name: bearing_hindrance(axis, course),
+        MeshError.name: hindrance_of_teeth(axis, course, as_new) if axis.stages else NO_GEAR,
+        StructuralResonance.name: hindrance_of_ringing(course, as_new),
+    }
+    told = {name: reason for name, reason in of_machine.items() if reason is not None}
+    return {**recording_hindrances(course), **told}
+
 
 SAID = 0.5
 SURE = 0.9  # of what telemetry does not show, though it could

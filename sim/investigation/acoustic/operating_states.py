@@ -19,9 +19,16 @@ from signals.motion import HOP_HZ, reversal_times_s
 from signals.recording import Recording
 from sim.chain.model import Array
 from sim.description.axis import Axis
-from sim.investigation.acoustic.levels import Levels, levels_of
-from sim.investigation.acoustic.order_spectrum import OrderSpectra, order_spectra
-from sim.investigation.acoustic.spectral_lines import TRANSFORM, mesh_orders, mesh_speed, over_surroundings
+from sim.investigation.acoustic.order_spectrum import (
+    TRANSFORM,
+    Levels,
+    OrderSpectra,
+    levels_of,
+    mesh_orders,
+    mesh_speed,
+    order_spectra,
+    over_surroundings,
+)
 from sim.investigation.data.preprocessing import Measurement
 
 Mask = NDArray[np.bool_]
@@ -30,6 +37,7 @@ SAME_CYCLE = 0.02  # of the period that cycles may differ by where a motion repe
 SHORTEST_CRUISE_S = 0.4
 LEAST_CYCLES = 3  # overlapping: five standstills
 LEAST_CRUISES = 3
+NO_STANDSTILL = "no standstill is heard"
 UNEVEN = 0.02  # of a speed that is heard, while cruising
 
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from sim.chain.model import Array
 from sim.description.axis import Axis
-from sim.investigation.data.angle_series import errors_over
 from sim.investigation.data.data_fault import InvestigationError
-from sim.investigation.data.excitation import lacking
+from sim.investigation.data.excitation import errors_over, lacking
 from sim.investigation.data.preprocessing import LEAST_ROWS, Measurement
 from sim.investigation.data.rigid_body import one_body
 from sim.investigation.data.sample_defects import Rows

@@ -20,8 +20,7 @@ from sim.chain.reduction import chain_of
 from sim.description.axis import Axis
 from sim.errors import SimulationError
 from sim.investigation.data.preprocessing import Measurement
-from sim.investigation.hypotheses.harmonics import AS_NEW_FACTOR, amplitude, cosine_and_sine, parameter_key
-from sim.investigation.hypotheses.hypothesis import Term
+from sim.investigation.hypotheses.hypothesis import AS_NEW_FACTOR, Term, amplitude, cosine_and_sine, parameter_key
 from sim.investigation.model.known_mechanisms import Effect, carried_over, loosens, plain_train
 from sim.investigation.model.parameters import Parameter, Values
 from sim.mechanisms.catalogue import kind_of

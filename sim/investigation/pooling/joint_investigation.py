@@ -32,7 +32,6 @@ from sim.investigation.data.validation import InvestigationError, examine
 from sim.investigation.hypotheses.identifiability import ALONE
 from sim.investigation.investigate import Progress, investigate, with_action
 from sim.investigation.next_measurement.advice import in_words
-from sim.investigation.pooling.log_odds import Name, against, existence, logistic
 from sim.investigation.pooling.pooled_estimates import (
     ANGLES,
     NamedRecording,
@@ -46,11 +45,15 @@ from sim.investigation.pooling.pooled_estimates import (
     under_one_model,
 )
 from sim.investigation.pooling.recording_evidence import (
+    Name,
     Weighed,
+    against,
     called,
+    existence,
     finding_named,
     found_at,
     is_own,
+    logistic,
     shows,
     the_same_together,
     weighed,

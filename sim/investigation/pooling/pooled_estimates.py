@@ -23,11 +23,19 @@ from sim.investigation.estimation.estimate import Fit
 from sim.investigation.estimation.problem import Problem
 from sim.investigation.estimation.refit import BENT, all_rows, final_fit
 from sim.investigation.extended_axis import extended_by
-from sim.investigation.hypotheses.hypothesis import Term
-from sim.investigation.hypotheses.traits import AS_NEW, traits_of
+from sim.investigation.hypotheses.hypothesis import AS_NEW, Term, traits_of
 from sim.investigation.model.parameters import Owner
-from sim.investigation.pooling.log_odds import Known, LogOdds, Name, pooled
-from sim.investigation.pooling.recording_evidence import finding_named, found_at, instead, is_own, term_name
+from sim.investigation.pooling.recording_evidence import (
+    Known,
+    LogOdds,
+    Name,
+    finding_named,
+    found_at,
+    instead,
+    is_own,
+    pooled,
+    term_name,
+)
 from sim.investigation.results import Estimate, Finding, Gain, Investigation
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms.catalogue import kind_or_any

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from sim.description.axis_document import read_axis
-from sim.investigation.hypotheses.catalogue import shown_despite_doubts, torque_carried
-from sim.investigation.hypotheses.structure import gravity
+from sim.investigation.hypotheses.catalogue import gravity, shown_despite_doubts, torque_carried
 
 
 def test_gears_carry_nothing_of_what_turns_the_motor_itself() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.strain_wave import AXIS, PHASE, erring, log
 from sim.description.axis import Load, LoadEncoder, Motor
-from sim.investigation.data.angle_series import beyond_twice
+from sim.investigation.data.excitation import beyond_twice
 from sim.investigation.data.validation import examine
 from sim.investigation.estimation.problem import Problem
 from sim.investigation.estimation.whitening import Noise
