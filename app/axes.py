@@ -11,7 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from pydantic import TypeAdapter
+from sqlalchemy.orm import Session
 
+from casebase.axes import is_axis, unknown_axis
+from casebase.errors import NotFoundError
 from sim.description.axis import SCHEMA, Axis
 from sim.errors import ParameterError
 
@@ -136,3 +139,13 @@ def in_si(key: str, text: str, unit: str = "") -> float:
         raise ParameterError(f"{key}: the unit {given!r} is not known; give {' or '.join(known)}.")
     value, factor = float(found[1].replace(",", ".")), known[given]
     return value if factor == 1.0 else float(f"{value * factor:.12g}")
+
+
+def check_known(session: Session, name: str) -> None:
+    """Refuse the name of an axis that nothing knows.
+
+    Raises:
+        NotFoundError: naming those that are described.
+    """
+    if not is_axis(session, name):
+        raise NotFoundError(unknown_axis(session, name))

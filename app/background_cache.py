@@ -9,11 +9,16 @@ from typing import Any, Generic, TypeVar
 
 from sqlalchemy.orm import Session
 
-from app.http.errors import Unavailable
 from casebase.errors import LibraryError
 from casebase.library import CaseLibrary
 
 Value = TypeVar("Value")
+
+
+class NotReadyError(Exception):
+    """What was asked takes longer than a request may."""
+
+
 WAIT_S, STEP_S = 25.0, 1.0
 SOON_S = 0.25
 """So long a page waits before it says that something is being worked out: less is not seen as waiting."""
@@ -63,7 +68,7 @@ class Beside:
         """Return the answer, waiting for it.
 
         Raises:
-            Unavailable: if it is not ready yet.
+            NotReadyError: if it is not ready yet.
             LibraryError: if it cannot be told.
         """
         begun = self.begun(asked)
@@ -73,10 +78,7 @@ class Beside:
             if begun.future.done():
                 found: Value = begun.future.result()
                 return found
-        raise Unavailable(
-            "What was asked of this library takes longer than a request may; ask again in a minute.",
-            headers={"Retry-After": "60"},
-        )
+        raise NotReadyError("What was asked of this library takes longer than a request may; ask again in a minute.")
 
     def soon(self, asked: CachedQuery[Value], wait_s: float = SOON_S) -> Value | Pending:
         """Return the answer if it is there, or soon; else what is begun.

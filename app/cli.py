@@ -13,7 +13,7 @@ from app.commands import DATA_DIR, DONE, FAILURE
 
 COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("serve", "app.commands.serve", "Serve the API and the pages."),
-    ("worker", "app.commands.worker", "Run jobs; start as many workers as you like."),
+    ("worker", "app.commands.jobs", "Run jobs; start as many workers as you like."),
     ("keys", "app.commands.keys", "Make, list and revoke keys."),
     ("diagnose", "app.commands.diagnose", "Diagnose recordings against the local library."),
     ("retrieve", "app.commands.diagnose", "Find the nearest cases of a recording; nothing is stored."),

@@ -13,7 +13,7 @@ from threading import Lock
 
 from sqlalchemy.orm import Session
 
-from app.periodic import Periodic
+from app.upkeep import Periodic
 from casebase.alarms.rules import review, unsettled
 from casebase.gearbox_state import NamedFault, Standing, State, standing, standing_fault
 from casebase.gearboxes import History, Place, described, histories_of, signatures

@@ -9,6 +9,7 @@ from starlette.middleware import Middleware
 from starlette.middleware.exceptions import ExceptionMiddleware
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
+from starlette.staticfiles import StaticFiles
 
 from app.api import (
     alarms,
@@ -19,20 +20,29 @@ from app.api import (
     jobs,
     operation,
     recordings,
-    robots,
-    simulations,
     steps,
 )
-from app.http.concurrency_limiter import ConcurrencyLimiter
 from app.http.errors import add_problem_handlers
-from app.http.metrics import Metrics
-from app.http.middleware import CloseUnread, HeadIsGet, RequestRecord, SecurityHeaders
+from app.http.middleware import CloseUnread, HeadIsGet, Metrics, RequestRecord, SecurityHeaders
 from app.http.reference import PROBLEMS, describe, only_known_query
 from app.http.request_limits import RequestLimits, limits_of_all
+from app.http.security import ConcurrencyLimiter
+from app.report.formatting import STATIC
 from app.service import Service
 from app.settings import Settings, settings_of
-from app.web.errors import PageErrors
-from app.web.pages import add_pages
+from app.web.forms import LabelQuestion
+from app.web.page import PageErrors, SignInNeeded, ask_which_label, sign_in_first
+from app.web.pages import admin as admin_pages
+from app.web.pages import axes as axes_pages
+from app.web.pages import care as care_pages
+from app.web.pages import describe as describe_pages
+from app.web.pages import diagnoses as diagnoses_pages
+from app.web.pages import first_hour as first_hour_pages
+from app.web.pages import fleet as fleet_pages
+from app.web.pages import investigations as investigations_pages
+from app.web.pages import library as library_pages
+from app.web.pages import recordings as recordings_pages
+from app.web.pages import simulate as simulate_pages
 from signals.reading.decode import warm_up
 
 ROUTERS: tuple[APIRouter, ...] = (
@@ -41,14 +51,32 @@ ROUTERS: tuple[APIRouter, ...] = (
     recordings.router,
     steps.router,
     axes.router,
-    robots.router,
-    simulations.router,
+    axes.robots,
+    jobs.simulations,
     jobs.router,
     alarms.router,
     investigations.router,
     operation.inside,
 )
 """Everything under /api/v1; a new noun is one line here."""
+
+PAGES: tuple[APIRouter, ...] = (
+    fleet_pages.router,
+    diagnoses_pages.router,
+    recordings_pages.demonstration,
+    recordings_pages.router,
+    library_pages.router,
+    care_pages.router,
+    axes_pages.router,
+    axes_pages.robots,
+    describe_pages.router,
+    first_hour_pages.router,
+    simulate_pages.router,
+    investigations_pages.router,
+    admin_pages.alarms,
+    admin_pages.router,
+)
+"""What is shown to people, in no OpenAPI document; a new noun is one line here."""
 
 DESCRIPTION = """Diagnosis of robot gearboxes from their sound by comparison with known cases.
 
@@ -102,7 +130,11 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
     for router in ROUTERS:
         app.include_router(router, prefix="/api/v1", responses=PROBLEMS, dependencies=[Depends(only_known_query)])
     app.include_router(operation.router, responses=PROBLEMS)
-    add_pages(app)
+    for router in PAGES:
+        app.include_router(router, include_in_schema=False)
+    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    app.add_exception_handler(SignInNeeded, sign_in_first)
+    app.add_exception_handler(LabelQuestion, ask_which_label)
     app.user_middleware += [  # innermost: what it answers, faults too, passes what every answer passes
         Middleware(ExceptionMiddleware, handlers={**app.exception_handlers, ClientDisconnect: leave}),
         Middleware(RequestLimits, settings=settings),

@@ -1,10 +1,10 @@
 """What the application holds while it runs, and how a route gets at it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Event
-from typing import Annotated
+from typing import Annotated, TypeVar, cast
 
 from fastapi import Depends, Request
 from limits import RateLimitItem, parse
@@ -14,19 +14,18 @@ from sqlalchemy.orm import Session
 
 from app.background_cache import Beside, CachedQuery, Pending
 from app.fleet import Fleet, alarm_watch
-from app.http.key_usage import KeyNotes
-from app.http.metrics import Metrics
-from app.jobs.feed import JobFeed
-from app.jobs.jobs import Jobs
-from app.periodic import Periodic
-from app.recordings.retention import retention
+from app.http.keys import KeyNotes
+from app.http.middleware import Metrics
+from app.jobs.jobs import JobFeed, Jobs
 from app.settings import Settings
-from app.upkeep import Upkeep, leftovers
+from app.upkeep import Periodic, Upkeep, leftovers, retention
 from casebase.library import CaseLibrary
 from casebase.reasoning.evaluation import Evaluation
 from casebase.review import Review, review
 from casebase.store.counter import library_version
 from signals.features import EXTRACTOR_VERSION
+
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -39,6 +38,7 @@ class Service:
     limiter: MovingWindowRateLimiter = field(default_factory=lambda: MovingWindowRateLimiter(MemoryStorage()))
     stopping: Event = field(default_factory=Event)
     """Set when the service is told to stop: whoever waits beyond a moment is then to give up."""
+    _counted: dict[str, tuple[int, object]] = field(default_factory=dict)
 
     @classmethod
     def open(cls, settings: Settings, metrics: Metrics) -> "Service":
@@ -57,7 +57,7 @@ class Service:
         """The library's cross-validation as it is now.
 
         Raises:
-            Unavailable: if it is not ready yet.
+            NotReadyError: if it is not ready yet.
         """
         return self.beside.get(self._evaluation(session, group, origin))
 
@@ -93,6 +93,21 @@ class Service:
 
         state = library_version(session), EXTRACTOR_VERSION
         return self.beside.soon(CachedQuery("review", state, None, work))
+
+    def counted(self, session: Session, name: str, count: Callable[[], Value]) -> Value:
+        """Return what `count` returns, as long as the library stays at a version without counting again.
+
+        The version is read first: were a change to come in between, what is kept would be too new, never too old.
+        """
+        version = library_version(session)
+        known = self._counted.get(name)
+        if known is None or known[0] != version:
+            known = self._counted[name] = (version, count())
+        return cast(Value, known[1])
+
+    def counts(self, session: Session) -> Mapping[tuple[str, str], int]:
+        """Return how many searchable cases there are per label and origin."""
+        return self.counted(session, "counts", lambda: self.library.retrieve.counts(session))
 
     @cached_property
     def beside(self) -> Beside:

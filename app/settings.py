@@ -1,6 +1,7 @@
 """What an installation may set: environment variables `GEARCASE_*`; every default is usable as it is."""
 
 import os
+from datetime import timedelta
 from functools import lru_cache
 from ipaddress import ip_network
 from pathlib import Path
@@ -83,6 +84,11 @@ class Settings(BaseSettings):
     webhook_networks: Networks = Field(
         "", description="networks that are not public and may be reached by webhooks, such as 10.1.0.0/16,127.0.0.1/32"
     )
+
+    @property
+    def silent_after(self) -> timedelta:
+        """After how long a gearbox counts as not heard."""
+        return timedelta(days=self.silent_after_days)
 
     @property
     def incoming(self) -> Path:

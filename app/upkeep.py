@@ -1,8 +1,10 @@
-"""What goes on beside the requests: what the first ones would wait for is loaded.
+"""What goes on beside the requests: what the first ones would wait for is loaded, and some work is done every so often.
 
-Also what processes left that were killed: `gearcase doctor` counts it, and the service removes it when it starts.
+Where an installation sets `GEARCASE_RETAIN_AUDIO_DAYS`, older audio is erased every day. What processes left that were
+killed: `gearcase doctor` counts it, and the service removes it when it starts.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from threading import Event, Thread
 
@@ -11,11 +13,43 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from casebase.errors import LibraryError
 from casebase.library import CaseLibrary
-from casebase.store.erasing import discard_left
+from casebase.origins import DEMO
+from casebase.store.artifacts import active_artifact
+from casebase.store.erasing import discard_left, expire
 from casebase.store.stale_locks import count_abandoned
 from signals.errors import SignalError
 
 LOG = structlog.get_logger(__name__)
+
+
+class Periodic:
+    """A thread that does some work at `start` and every so often until `close`, which waits for what has begun.
+
+    Args:
+        name: of the work; stands in the warning when it fails. It is done again the next time.
+        every_s: from the end of one time to the next [s].
+    """
+
+    def __init__(self, name: str, every_s: float, work: Callable[[], None]) -> None:
+        self._name, self._every_s, self._work = name, every_s, work
+        self._closed = Event()
+        self._thread = Thread(target=self._run, name=name, daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        self._closed.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        while not self._closed.is_set():
+            try:
+                self._work()
+            except (LibraryError, SQLAlchemyError, OSError) as error:
+                LOG.warning("failed, and is tried again later", work=self._name, error=str(error))
+            self._closed.wait(self._every_s)
 
 
 class Upkeep:
@@ -75,3 +109,25 @@ def leftovers(library: CaseLibrary, incoming: Path, *, remove: bool) -> int:
     """
     under_way = (*incoming.glob("*"), *library.audio.unfinished())
     return count_abandoned(under_way, remove=remove) + discard_left(library, remove=remove)
+
+
+RETENTION = "retention"
+DAY_S = 86_400.0
+
+
+def erase_old(library: CaseLibrary, days: int, actor: str = RETENTION) -> list[str]:
+    """Erase audio older than so many days, never that of a case or of the demonstration; return ids of recordings."""
+    with library.reading() as session:
+        demo = active_artifact(session, DEMO)
+    return expire(library, actor, days, keep=() if demo is None else (str(demo.content["recording_id"]),))
+
+
+def retention(library: CaseLibrary, days: int | None) -> Periodic | None:
+    """Return what erases every day what is older than so many days; none where nothing is set."""
+    if days is None:
+        return None
+
+    def work() -> None:
+        LOG.info("old audio erased", recordings=len(erase_old(library, days)), days=days)
+
+    return Periodic("retention", DAY_S, work)

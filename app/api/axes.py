@@ -1,4 +1,4 @@
-"""Axes: descriptions of drives, revision by revision."""
+"""Axes and robots: descriptions of drives, and of all joints of a robot with its URDF, revision by revision."""
 
 from typing import Annotated
 
@@ -8,15 +8,17 @@ from fastapi.concurrency import run_in_threadpool
 from sqlalchemy.orm import Session
 
 from app.axes import axis_schema
-from app.documents import CONTINUES, AxisAnswer, Limit, PageOf, page_of
+from app.documents import CONTINUES, AxisAnswer, Limit, PageOf, RobotAnswer, page_of
 from app.http.errors import UnsupportedMedia
-from app.http.headers import location
-from app.http.idempotency import Made, OnlyOnce
+from app.http.headers import Made, OnlyOnce, location
 from app.http.security import Admin, Viewer
+from app.http.uploads import BINARY, TheUpload
+from app.investigation_request import described_robot
+from app.investigations import add_robot
 from app.service import Reading, TheService
 from casebase import axes
 from casebase.store import revisions
-from casebase.store.models import AxisRevision
+from casebase.store.models import AxisRevision, RobotRevision
 from sim.description.axis_document import parse_axis, read_axis
 
 router = APIRouter(tags=["axes"])
@@ -97,3 +99,76 @@ def add_axis(
         return Made(AxisAnswer.model_validate(row), location(request, "get_axis", name=row.name))
 
     return once.run(work, document)
+
+
+robots = APIRouter(tags=["robots"])
+
+RobotName = Annotated[str, Path(min_length=1, max_length=200, pattern=r"^[^\x00]*$", description="name of the robot")]
+XML = "application/xml"
+PARTS = ("robot", "urdf", "axis")
+ROBOT_PARTS = {
+    "robot": {"type": "string", "description": "robot.toml or the same as JSON, of all logged joints"},
+    "urdf": {**BINARY, "description": "the robot's links and joints, as URDF"},
+    "axis": {"type": "array", "items": BINARY, "description": "a file for each that a joint of the robot names"},
+}
+ROBOT_BODY = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["robot", "urdf"],
+                    "additionalProperties": False,
+                    "properties": ROBOT_PARTS,
+                }
+            }
+        },
+    }
+}
+
+
+@robots.get("/robots")
+def list_robots(_: Viewer, session: Reading, limit: Limit = 50, cursor: AfterName = None) -> PageOf[RobotAnswer]:
+    """The current revision of every robot, by name."""
+    found = revisions.current_page(session, RobotRevision, limit=limit, cursor=cursor)
+    return page_of(found, RobotAnswer.model_validate)
+
+
+@robots.get("/robots/{name}")
+def get_robot(_: Viewer, session: Reading, name: RobotName, revision: Revision = None) -> RobotAnswer:
+    """One revision of a robot, the current one by default."""
+    return RobotAnswer.model_validate(revisions.get(session, RobotRevision, name, revision))
+
+
+@robots.get("/robots/{name}/urdf", response_class=Response, responses={200: {"content": {XML: {}}}})
+def robot_urdf(_: Viewer, session: Reading, name: RobotName, revision: Revision = None) -> Response:
+    """The links and joints of one revision, as URDF."""
+    return Response(revisions.get(session, RobotRevision, name, revision).urdf, media_type=XML)
+
+
+@robots.get("/robots/{name}/revisions")
+def robot_revisions(
+    _: Viewer, session: Reading, name: RobotName, limit: Limit = 50, cursor: AfterRevision = None
+) -> PageOf[RobotAnswer]:
+    """The revisions of a robot, oldest first."""
+    revisions.get(session, RobotRevision, name)
+    found = revisions.history_page(session, RobotRevision, name, limit=limit, cursor=cursor)
+    return page_of(found, RobotAnswer.model_validate)
+
+
+@robots.post("/robots", status_code=status.HTTP_201_CREATED, response_model=RobotAnswer, openapi_extra=ROBOT_BODY)
+def post_robot(_: Admin, upload: TheUpload, once: OnlyOnce, request: Request) -> Response:
+    """Store a robot (see `robot.toml`) with its URDF and the axes of its joints; a changed one is the next revision,
+    the same one is not.
+
+    Of the URDF links and joints are kept. An investigation takes the robot by its name.
+    """
+    upload.only(*PARTS)
+    robot = described_robot(once.service, upload)
+
+    def work(session: Session) -> Made:
+        row = add_robot(session, robot)
+        return Made(RobotAnswer.model_validate(row), location(request, "get_robot", name=row.name))
+
+    return once.run(work, robot.document, robot.urdf)

@@ -21,11 +21,9 @@ from app.documents import (
     page_found,
     page_of,
 )
-from app.http.concurrency_limiter import ReadingLimit
 from app.http.errors import Unprocessable
-from app.http.headers import chosen
-from app.http.idempotency import Made, OnlyOnce
-from app.http.security import Operator, Viewer
+from app.http.headers import Made, OnlyOnce, chosen
+from app.http.security import Operator, ReadingLimit, Viewer
 from app.http.uploads import TheUpload, multipart_body
 from app.recordings.intake import decoded, hear, take_in
 from app.recordings.metadata import RecordingMetadata, read_metadata

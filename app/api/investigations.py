@@ -1,9 +1,7 @@
 """Investigations: what the model of an axis or a robot gets wrong, by measured data."""
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response, status
@@ -11,49 +9,28 @@ from pydantic import BaseModel, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from app.api.robots import BINARY, robot_of
 from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, RobotAnswer, page_of
-from app.http.errors import Unprocessable
-from app.http.headers import chosen, location
-from app.http.idempotency import Made, OnlyOnce
+from app.http.headers import Made, OnlyOnce, chosen, location
 from app.http.security import Admin, Operator, Viewer
-from app.http.uploads import TheUpload, Upload
+from app.http.uploads import BINARY, TheUpload
+from app.investigation_request import PARTS, asked_of
 from app.investigations import (
-    Measured,
-    Question,
     accept,
     compared,
     document_of,
     get_investigation,
     state_of,
     submit,
-    take_in,
-    take_in_robot,
 )
 from app.jobs.job import Job
 from app.report.self_contained import self_contained
 from app.service import Reading, Service, TheService
-from casebase.axes import get_axis
-from casebase.diagnoses import get_diagnosis
 from casebase.store.models import RobotRevision, StoredInvestigation
 from casebase.store.pagination import page
 from signals.columns.table_kinds import table_kinds
-from sim.description.axis import Axis
-from sim.description.axis_document import parse_axis, read_axis
 from sim.investigation.report.comparison import Row, Value
 
 router = APIRouter(tags=["investigations"])
-PARTS = (
-    "axis",
-    "telemetry",
-    "sound",
-    "as_new",
-    "sound_offset_s",
-    "channels",
-    "robot",
-    "urdf",
-    "diagnosis",
-)
 HTML, JSON = "text/html", "application/json"
 BODY = {
     "requestBody": {
@@ -195,96 +172,6 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
         return Made(answer, location(request, "get_job", job_id=job.id), status=status.HTTP_202_ACCEPTED)
 
     return once.run(work, *content)
-
-
-def asked_of(service: Service, upload: Upload) -> tuple[tuple[object, ...], Callable[[], Question]]:
-    """Return what a form asks for, an investigation of an axis or of a robot: all that makes it the same as another
-    request, and what takes it in.
-
-    Raises:
-        Unprocessable: if parts are missing or do not go together.
-        AxisError: if the description of the axis or robot is wrong.
-    """
-    hashes = [(name, file.sha256) for name in PARTS for file in upload.all_of(name)]
-    telemetry, sounds, as_new = (
-        tuple(Measured(file.path, file.name) for file in upload.all_of(name))
-        for name in ("telemetry", "sound", "as_new")
-    )
-    channels = upload.text("channels", service.settings.document_bytes).strip()
-    mapped = [channels] if channels else []
-    if {"robot", "urdf"} & {*upload.files, *upload.fields}:
-        _refuse_sound(upload)
-        robot = robot_of(service, upload)
-        urdf = upload.file("urdf").name if "urdf" in upload.files else f"{robot.name}.urdf"
-        take = partial(take_in_robot, service.library, robot, urdf, telemetry, channels)
-        return (robot.document, robot.urdf, hashes, *mapped), take
-    diagnosed = upload.fields.get("diagnosis", "").strip() or None
-    if diagnosed is not None:
-        sounds = (_recorded(service, upload, diagnosed),)
-    axis = axis_of(service, upload)
-    offset = offset_of(upload)
-    take = partial(take_in, service.library, axis, telemetry, sounds, offset, as_new, channels, diagnosed)
-    return (axis.to_mapping(), hashes, offset, *mapped, *([diagnosed] if diagnosed else [])), take
-
-
-def _recorded(service: Service, upload: Upload, diagnosis_id: str) -> Measured:
-    """Return the recording of a diagnosis as a sound; its axis is meant where the form has none."""
-    if "sound" in upload.files:
-        raise Unprocessable(
-            "The parts 'diagnosis' and 'sound' do not go together: the diagnosis' recording is the sound."
-        )
-    with service.library.reading() as session:
-        row = get_diagnosis(session, diagnosis_id).recording
-    if row.erased_at is not None:
-        raise Unprocessable(f"The recording of diagnosis {diagnosis_id} was erased; send a sound instead.")
-    if row.axis and "axis" not in upload.files:
-        upload.fields.setdefault("axis", row.axis)
-    return Measured(service.library.retrieve.audio_path(row), row.file_name, row.channel)
-
-
-def _refuse_sound(upload: Upload) -> None:
-    if besides := sorted({"sound", "as_new", "sound_offset_s", "diagnosis"} & {*upload.files, *upload.fields}):
-        raise Unprocessable(
-            f"The part {besides[0]!r} does not go with a robot: sound is investigated with the axis of the joint that "
-            "is heard; leave it out, or send 'axis' instead of 'robot'."
-        )
-
-
-def axis_of(service: Service, upload: Upload) -> Axis:
-    """Return the axis of a request: TOML, JSON, or the name of a stored one.
-
-    Raises:
-        Unprocessable: if it is missing.
-        AxisError: if the description is wrong or none of these.
-    """
-    if len(upload.all_of("axis")) > 1:
-        raise Unprocessable("The form has the part 'axis' twice; one axis is investigated at a time, or a robot.")
-    text = upload.text("axis", service.settings.document_bytes).strip()
-    if not text:
-        raise Unprocessable(
-            "The form needs the part 'axis': an axis.toml, the same as JSON, or a stored axis' name; or, of a whole "
-            "robot, the parts 'robot' (with 'urdf', or a stored one's name) and 'telemetry'."
-        )
-    if not any(mark in text for mark in "{=\n"):
-        with service.library.reading() as session:
-            return read_axis(get_axis(session, text).document)
-    return read_axis(parse_axis(text))
-
-
-def offset_of(upload: Upload) -> float:
-    """Return the start of the sounds of a request after that of the telemetry [s].
-
-    Raises:
-        Unprocessable: if it is no number.
-    """
-    text = upload.fields.get("sound_offset_s", "")
-    try:
-        value = float(text or 0.0)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise Unprocessable(f"sound_offset_s must be a number of seconds, got {text[:40]!r}.")
-    return value
 
 
 @router.get("/investigations")

@@ -12,10 +12,9 @@ from fastapi.responses import StreamingResponse
 from pydantic import BaseModel
 
 from app.documents import Answer, ErasedAnswer, Identifier, RecordingAnswer
-from app.http.concurrency_limiter import ReadingLimit
 from app.http.errors import RangeNotSatisfiable
 from app.http.headers import IfNoneMatch, chosen, has_already, not_modified
-from app.http.security import Admin, Viewer
+from app.http.security import Admin, ReadingLimit, Viewer
 from app.recordings import views
 from app.recordings.intake import media_type_of
 from app.report.recorded import decoded

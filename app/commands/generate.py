@@ -14,12 +14,13 @@ from pydantic import BaseModel, ConfigDict
 
 from app.commands import frame
 from app.commands.frame import AXIS, CORES, Json, Processes
-from app.recordings.intake import DEMO, take_in
+from app.recordings.intake import take_in
 from app.recordings.metadata import RecordingMetadata
 from app.simulated import generation
 from app.simulated.generation import Campaign, Outcome, fitted_microphones, simulate_case
 from casebase.axes import add_axis
 from casebase.library import CaseLibrary
+from casebase.origins import DEMO
 from casebase.store.artifacts import active_artifact, add_artifact
 from signals.reading.text import text_of
 from sim.experiment.design_of_experiments import DURATION_S, LABELS, labels, plan

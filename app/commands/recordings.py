@@ -7,7 +7,7 @@ import typer
 from app.commands import frame
 from app.commands.frame import ACTOR, Json
 from app.documents import ErasedAnswer
-from app.recordings.retention import erase_old
+from app.upkeep import erase_old
 from casebase.errors import InvalidRequestError
 from casebase.store.erasing import erase as erase_audio
 

@@ -11,10 +11,10 @@ import typer
 import uvicorn
 
 from app.commands.frame import ACTOR, settings
-from app.commands.worker import LogFolder, worker_child
+from app.commands.jobs import LogFolder, worker_child
 from app.http.connections import BACKLOG, Wants, protocol_of
 from app.http.keys import Role, create_key, list_keys
-from app.http.metrics import Metrics
+from app.http.middleware import Metrics
 from app.logs import configure_logs
 from app.main import create_app
 from app.process import leave

@@ -18,6 +18,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse
 from starlette.routing import compile_path
 
+from app.background_cache import NotReadyError
 from app.http.finite import finite
 from app.jobs import job as jobs
 from app.storage_faults import is_full, is_unwritable
@@ -90,6 +91,7 @@ DOMAIN: dict[type[Exception], type[StatusProblem]] = {
     jobs.JobNotFoundError: NotFound,
     jobs.JobStateError: Conflict,
     jobs.JobError: Unprocessable,
+    NotReadyError: Unavailable,
 }
 """Domain errors and what they are over HTTP; of several that fit an error, the most special counts."""
 
@@ -205,7 +207,7 @@ def _from_domain(_: ExceptionHandler, __: Request, error: Exception) -> Problem:
     if isinstance(error, library.DuplicateError):
         there = {"id": error.case_id, "label": error.label, "gearbox": error.gearbox}
         return kind(str(error), case=there)
-    return kind(str(error))
+    return kind(str(error), headers={"Retry-After": "60"} if isinstance(error, NotReadyError) else None)
 
 
 def _from_storage(_: ExceptionHandler, __: Request, error: Exception) -> Problem:

@@ -1,17 +1,23 @@
 """Who may do what: a role on every route, by key in a header or, for pages, in a cookie with a CSRF token.
 
+Few of what costs much are let in at once, of one key and of all; the others wait where they cost nothing.
+
 A role is a dependency of its route, and a `Guard`: the request limits (`app.http.request_limits`) find it there and
 ask it before the body.
 """
 
+import asyncio
 import hashlib
 import hmac
 from abc import ABC, abstractmethod
+from collections import defaultdict
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Annotated
 
 import structlog
-from fastapi import Request, Security
+from fastapi import Depends, Request, Security
 from fastapi.security import HTTPBearer
 from fastapi.security.http import HTTPAuthorizationCredentials
 from fastapi.security.utils import get_authorization_scheme_param
@@ -165,3 +171,30 @@ Viewer = Annotated[Principal, Security(Requires(Role.VIEWER), scopes=[Role.VIEWE
 Operator = Annotated[Principal, Security(Requires(Role.OPERATOR), scopes=[Role.OPERATOR.value])]
 Admin = Annotated[Principal, Security(Requires(Role.ADMIN), scopes=[Role.ADMIN.value])]
 """The scope is for the OpenAPI document, where it names the role that an operation needs."""
+
+
+class ConcurrencyLimiter:
+    """Lets so many in at once, of all keys together and of each.
+
+    Who waits holds no thread, no session and nothing of its request's body.
+    """
+
+    def __init__(self, at_once: int, per_key: int) -> None:
+        self._all = asyncio.Semaphore(at_once)
+        self._each: defaultdict[str, asyncio.Semaphore] = defaultdict(lambda: asyncio.Semaphore(per_key))
+
+    @asynccontextmanager
+    async def enter(self, key_id: str) -> AsyncIterator[None]:
+        async with self._each[key_id], self._all:
+            yield
+
+
+async def looking(request: Request) -> AsyncIterator[None]:
+    """Dependency of routes that draw or compute what somebody looks at: it comes first, before a session is opened."""
+    gate: ConcurrencyLimiter = request.app.state.looking
+    principal = known(request)
+    async with gate.enter(NOBODY if principal is None else principal.key_id):
+        yield
+
+
+ReadingLimit = Depends(looking, scope="function")

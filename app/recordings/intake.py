@@ -14,7 +14,6 @@ from app.settings import settings_of
 from casebase.axes import find_axis, list_axes
 from casebase.description import RecordingDescription, check_name
 from casebase.library import CaseLibrary
-from casebase.origins import DEMO as DEMO
 from casebase.reasoning.plausibility import Expected, Known, held_against
 from casebase.store.audio_store import StoredBytes
 from casebase.store.models import StoredDiagnosis, StoredRecording

@@ -11,6 +11,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.report import charts as draw
+from app.report.charts import chart_of
 from app.report.disturbed import flags_of, left_out_words, marked
 from app.report.formatting import ENVIRONMENT, instant, percent, quantity, sentence, style_sheet
 from app.report.recorded import (
@@ -24,7 +25,6 @@ from app.report.recorded import (
     surveyed,
 )
 from app.report.standing_words import earlier_words
-from app.report.trend import chart_of
 from app.report.words import (
     certainty,
     fault_words,

@@ -12,7 +12,6 @@ from app.jobs.job import Job
 from app.report.formatting import percent, sentence
 from app.report.words import CALIBRATED_FROM, name_of
 from app.service import Service
-from app.web.page import counted as kept_count
 from casebase.labels import BASELINES
 from casebase.origins import MEASURED, SIMULATED
 from casebase.reasoning.evaluation import Evaluation, Proportion
@@ -174,7 +173,7 @@ def obstacles(row: AxisRevision | None) -> Mapping[str, str | None]:
 
 def axis_cases(service: Service, session: Session) -> Mapping[str | None, Mapping[str, LabelCases]]:
     """Return the cases of every axis by label, counted once for every version of the library."""
-    return kept_count(service.library, session, "cases of axes", lambda: cases_of_axes(session))
+    return service.counted(session, "cases of axes", lambda: cases_of_axes(session))
 
 
 def known_of_axis(cases: Mapping[str, LabelCases]) -> str:

@@ -1,19 +1,23 @@
-"""What every page is made with: who looks at it, what it is filled with, where its forms lead, what is counted.
+"""What every page is made with: who looks at it, what it is filled with, where its forms lead.
 
 A key stands in an HttpOnly cookie; forms carry a token that only a page of ours could know.
 """
 
+import json
 import secrets
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, TypeVar, cast
-from weakref import WeakKeyDictionary
+from typing import Annotated, TypeVar
+from urllib.parse import quote
 
 from fastapi import Depends, Form, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 from pydantic import BaseModel, ValidationError
 from sqlalchemy import ColumnElement, Select, select
 from sqlalchemy.orm import Session, defer
+from starlette import types
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.background_cache import Pending
 from app.http.errors import Forbidden, NotAuthenticated, validation_problem
@@ -30,10 +34,10 @@ from app.http.security import (
     principal_of,
 )
 from app.http.uploads import check_whole
-from app.report.formatting import ENVIRONMENT, instant
+from app.report.formatting import ENVIRONMENT, instant, sentence
 from app.service import Service, service_of
-from casebase.library import CaseLibrary
-from casebase.store.counter import library_version
+from casebase.origins import DEMO
+from casebase.store.artifacts import active_artifact
 from casebase.store.models import StoredInvestigation
 
 Asked = TypeVar("Asked", bound=BaseModel)
@@ -51,10 +55,14 @@ NAVIGATION = (
     ("/keys", "Keys", "8", "admin"),
     ("/audit", "Audit", "9", "admin"),
 )
-Value = TypeVar("Value")
-_KEPT: WeakKeyDictionary[CaseLibrary, dict[str, tuple[int, object]]] = WeakKeyDictionary()
 Headlined = tuple[StoredInvestigation, str | None]
 _DOCUMENT = StoredInvestigation.document
+
+
+def demo_ids(session: Session) -> tuple[str, str] | None:
+    """Return diagnosis and recording of the demonstration that came with the starter library, if there is one."""
+    row = active_artifact(session, DEMO)
+    return None if row is None else (str(row.content["diagnosis_id"]), str(row.content["recording_id"]))
 
 
 class SignInNeeded(Exception):
@@ -221,28 +229,9 @@ def waiting_page(
     return render(request, "waiting.html", context, principal=principal, section=section)
 
 
-def counted(library: CaseLibrary, session: Session, name: str, count: Callable[[], Value]) -> Value:
-    """Return what `count` returns, as long as the library stays at a version without counting again.
-
-    The version is read first: were a change to come in between, what is kept would be too new, never too old.
-    """
-    version = library_version(session)
-    kept = _KEPT.setdefault(library, {})
-    known = kept.get(name)
-    if known is None or known[0] != version:
-        known = kept[name] = (version, count())
-    return cast(Value, known[1])
-
-
-def counts_of(library: CaseLibrary, session: Session) -> Mapping[tuple[str, str], int]:
-    """Return how many searchable cases there are per label and origin."""
-    return counted(library, session, "counts", lambda: library.retrieve.counts(session))
-
-
-def of_library(library: CaseLibrary, session: Session) -> str:
+def of_library(service: Service, session: Session) -> str:
     """Say that something is worked out from all cases, and how often."""
-    cases = sum(counts_of(library, session).values())
-    return f"the {cases:,} cases of the library, once until a case changes"
+    return f"the {sum(service.counts(session).values()):,} cases of the library, once until a case changes"
 
 
 def light() -> Select[StoredInvestigation]:
@@ -263,3 +252,68 @@ def newest(session: Session, most: int, *where: ColumnElement[bool]) -> list[Hea
     """Return the newest investigations of which all this holds, with what each found."""
     statement = light().where(*where).order_by(StoredInvestigation.id.desc()).limit(most)
     return headlined(session, session.scalars(statement).all())
+
+
+class PageErrors:
+    """Turns problem+json into a page for requests of a browser outside /api."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or not _wants_page(scope):
+            await self.app(scope, receive, send)
+            return
+        started: types.Message | None = None
+        body = b""
+
+        async def send_page(message: types.Message) -> None:
+            nonlocal started, body
+            if message["type"] == "http.response.start" and _is_problem(message):
+                started = message
+                return
+            if started is None:
+                await send(message)
+                return
+            body += message.get("body", b"")
+            if not message.get("more_body", False):
+                await _error_page(scope, receive, send, body, int(started["status"]))
+
+        await self.app(scope, receive, send_page)
+
+
+def _wants_page(scope: Scope) -> bool:
+    accepted = Headers(scope=scope).get("accept", "")
+    return "text/html" in accepted and not scope["path"].startswith("/api/")
+
+
+def _is_problem(message: types.Message) -> bool:
+    return Headers(raw=message["headers"]).get("content-type", "").startswith("application/problem+json")
+
+
+async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, status: int) -> None:
+    request = Request(scope)
+    problem = json.loads(body)
+    principal = getattr(request.state, "principal", None)
+    came_from = request.headers.get("referer", "")
+    context = {
+        "title": problem.get("title", ""),
+        "detail": sentence(problem.get("detail", "")),
+        "status": status,
+        "back": came_from if came_from.startswith(str(request.base_url)) else "",
+    }
+    page = render(request, "error.html", context, principal=principal, status=status)
+    await page(scope, receive, send)
+
+
+async def sign_in_first(request: Request, error: Exception) -> RedirectResponse:
+    """Answer SignInNeeded with the way to the sign-in page."""
+    return lead(service_of(request), f"/sign-in?next={quote(str(error), safe='')}")
+
+
+async def ask_which_label(request: Request, error: Exception) -> HTMLResponse:
+    """Answer LabelQuestion with the question; the answer goes where the form went, with all that it said."""
+    form = (await request.form()).multi_items()
+    given = [(name, value) for name, value in form if name not in ("csrf", "label", "another", "sure")]
+    context = {"question": error, "path": below_root(request), "given": given}
+    return render(request, "label.html", context, principal=known(request), section="/diagnoses")

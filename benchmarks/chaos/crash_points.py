@@ -26,9 +26,8 @@ from typing import Any
 import httpx
 import structlog
 
-from app.http.concurrency_limiter import ConcurrencyLimiter
-from app.http.metrics import Metrics
-from app.http.security import COOKIE, csrf_token
+from app.http.middleware import Metrics
+from app.http.security import COOKIE, ConcurrencyLimiter, csrf_token
 from app.jobs.job import JobKind, Json, Report
 from app.jobs.jobs import Jobs
 from app.jobs.runner import LANES, Worker

@@ -17,7 +17,7 @@ from pathlib import Path
 import httpx
 from sqlalchemy import func, select
 
-from app.http.metrics import Metrics
+from app.http.middleware import Metrics
 from app.jobs.jobs import OVER
 from app.service import Service
 from app.settings import Settings

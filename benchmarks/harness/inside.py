@@ -12,10 +12,9 @@ import httpx
 from fastapi import FastAPI
 from structlog.testing import capture_logs
 
-from app.http.concurrency_limiter import ConcurrencyLimiter
 from app.http.keys import Role, create_key
-from app.http.metrics import Metrics
-from app.http.security import COOKIE, FORM_COOKIE, csrf_token
+from app.http.middleware import Metrics
+from app.http.security import COOKIE, FORM_COOKIE, ConcurrencyLimiter, csrf_token
 from app.jobs.job import Job, JobNotFoundError, Progress
 from app.main import create_app
 from app.service import Service

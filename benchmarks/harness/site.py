@@ -11,13 +11,13 @@ import httpx
 import numpy as np
 from sqlalchemy.orm import Session
 
-from app.recordings.intake import DEMO
 from app.report.investigation_report import investigation_report
 from benchmarks.harness.live import LiveServer
 from benchmarks.harness.sounds import sound
 from benchmarks.harness.telemetry_of import one_body, swing
 from casebase.description import Labelling
 from casebase.library import CaseLibrary
+from casebase.origins import DEMO
 from casebase.store.artifacts import add_artifact
 from casebase.store.models import StoredInvestigation, new_id, now
 from sim.description.axis import Axis

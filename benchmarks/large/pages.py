@@ -12,7 +12,7 @@ from typing import Any
 from fastapi.routing import APIRoute
 from sqlalchemy import event
 
-from app.web.pages import PAGES as ROUTERS
+from app.main import PAGES as ROUTERS
 from benchmarks.harness.inside import Inside
 from benchmarks.harness.site import AXIS, EVERY_PAGE, KNOWN, investigated
 from benchmarks.harness.sounds import sound

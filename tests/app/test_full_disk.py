@@ -14,7 +14,7 @@ import pytest
 from sqlalchemy import event
 
 from app.http.keys import Role, create_key
-from app.http.metrics import Metrics
+from app.http.middleware import Metrics
 from app.main import create_app
 from app.service import Service
 from app.settings import settings_of

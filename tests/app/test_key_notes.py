@@ -11,9 +11,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.http.key_usage import KeyNotes
-from app.http.keys import Role, create_key, find_key
-from app.http.metrics import Metrics
+from app.http.keys import KeyNotes, Role, create_key, find_key
+from app.http.middleware import Metrics
 from app.main import create_app
 from app.service import Service
 from app.settings import settings_of

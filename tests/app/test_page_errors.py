@@ -9,8 +9,8 @@ from fastapi.routing import APIRoute
 
 from app.jobs.job import Job, JobState, Json, Progress
 from app.jobs.jobs import KINDS
+from app.main import PAGES
 from app.web.page import visitor
-from app.web.pages import PAGES
 from benchmarks.harness.inside import Inside, ListedJobs, inside
 from casebase.store.models import new_id, now
 from tests.web.reading import Markup
@@ -86,7 +86,7 @@ def test_a_fault_in_any_page_is_a_page(
     service: Inside, monkeypatch: pytest.MonkeyPatch, method: str, path: str
 ) -> None:
     """HTML with the words of the problem document, its status, headers and id."""
-    for where in ("app.web.pages.session", "app.web.page"):
+    for where in ("app.web.pages.admin", "app.web.page"):
         monkeypatch.setattr(f"{where}.principal_of", fail)
     monkeypatch.setitem(service.app.dependency_overrides, visitor, fail_as_a_dependency)
     form = {"data": {"key": "gearcase_x"}} if method == "POST" else {}

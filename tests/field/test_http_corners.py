@@ -12,8 +12,7 @@ import pytest
 from fastapi.routing import APIRoute
 
 from app.api import operation
-from app.main import ROUTERS
-from app.web.pages import PAGES
+from app.main import PAGES, ROUTERS
 from benchmarks.harness.live import LiveServer
 from benchmarks.harness.sounds import sound
 from sim.experiment.paper_axis import PAPER_AXIS

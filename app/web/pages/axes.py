@@ -11,13 +11,13 @@ from fastapi.responses import Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from app.axes import check_known
 from app.http.errors import Unprocessable
 from app.report.standing_words import state_badge, why
 from app.service import Reading, Service, TheService
 from app.web.page import FromOurPage, PageOperator, PageViewer, lead, newest, render
-from app.web.pages.fleet import silent_after
 from casebase.alarms import rules
-from casebase.axes import get_axis, is_axis, list_axes, unknown_axis
+from casebase.axes import get_axis, list_axes
 from casebase.description import check_choice, check_name
 from casebase.errors import NotFoundError
 from casebase.gearboxes import EXCHANGE, KINDS, NOTE, places_of
@@ -60,7 +60,7 @@ def axis(request: Request, session: Reading, service: TheService, principal: Pag
     history = revisions.history(session, AxisRevision, name)
     marks = session.scalars(select(MaintenanceMark).where(MaintenanceMark.axis == name).order_by(MaintenanceMark.at))
     at, zone = now(), service.settings.time_zone
-    fleet = service.fleet.gearboxes(session, at, silent_after(service), name)
+    fleet = service.fleet.gearboxes(session, at, service.settings.silent_after, name)
     context = {
         "name": name,
         "history": list(reversed(history)),
@@ -73,16 +73,6 @@ def axis(request: Request, session: Reading, service: TheService, principal: Pag
         "listed": LISTED,
     }
     return render(request, "axis.html", context, principal=principal, section=SECTION)
-
-
-def check_known(session: Session, name: str) -> None:
-    """Refuse the name of an axis that nothing knows.
-
-    Raises:
-        NotFoundError: naming those that are described.
-    """
-    if not is_axis(session, name):
-        raise NotFoundError(unknown_axis(session, name))
 
 
 @router.post("/{name}/marks", dependencies=[FromOurPage])

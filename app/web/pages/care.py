@@ -11,7 +11,7 @@ from pydantic import Field
 from sqlalchemy import select
 from starlette.background import BackgroundTask
 
-from app.api.simulations import SimulationRequest, campaign_of
+from app.api.jobs import SimulationRequest, campaign_of
 from app.background_cache import Pending
 from app.http.errors import Unprocessable
 from app.http.security import check_csrf
@@ -19,6 +19,7 @@ from app.http.uploads import TheUpload
 from app.report.words import name_of
 from app.service import Reading, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
+from app.web.forms import MOST_AT_ONCE
 from app.web.page import ROWS, FromOurPage, Message, PageAdmin, PageViewer, lead, of_library, render, waiting_page
 from casebase import review as care
 from casebase.axes import get_axis, list_axes
@@ -32,7 +33,6 @@ from sim.experiment.design_of_experiments import LABELS, labels, labels_of
 router = APIRouter(prefix="/library")
 SECTION = "/library"
 HOW = "Each gearbox is left out once, the library diagnoses it from the others."
-MOST_AT_ONCE = 1000
 KINDS = (
     (
         "contradictory",
@@ -53,7 +53,7 @@ def review(
     found = service.review_soon(session)
     if isinstance(found, Pending):
         words = "Cases that contradict each other, that add nothing, and what is missing."
-        basis = of_library(service.library, session)
+        basis = of_library(service, session)
         return waiting_page(request, principal, found, "Review", words, basis, tab="/library/review")
     context = {
         "review": found,
@@ -147,7 +147,7 @@ def evaluation(
     """Leave-one-gearbox-out confusion matrix; its cells open the cases."""
     found = service.evaluation_soon(session, origin)
     if isinstance(found, Pending):
-        basis = of_library(service.library, session)
+        basis = of_library(service, session)
         return waiting_page(request, principal, found, "Evaluation", HOW, basis, tab="/library/evaluation")
     context = {"evaluation": found, "origin": origin, "labels": sorted(found.confusion), "how": HOW}
     return render(request, "evaluation.html", context, principal=principal, section=SECTION)

@@ -2,21 +2,18 @@
 
 import json
 from collections import Counter
-from collections.abc import Mapping
 from shlex import quote
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import Response
 from sqlalchemy import select
 
-from app.http.concurrency_limiter import ReadingLimit
 from app.http.errors import Forbidden, Unprocessable
-from app.http.security import Principal, Role, check_csrf
-from app.http.uploads import TheUpload, Upload
+from app.http.security import Principal, ReadingLimit, Role, check_csrf
+from app.http.uploads import TheUpload
 from app.investigations import investigations_from
-from app.recordings.intake import Intake, take_in
-from app.recordings.metadata import RecordingMetadata, read_metadata
+from app.recordings.metadata import RecordingMetadata
 from app.report.diagnosis_view import diagnosis_html, view_of
 from app.report.self_contained import self_contained
 from app.report.steps import told as told_step
@@ -31,7 +28,19 @@ from app.report.words import (
     verdict_word,
 )
 from app.service import Reading, Service, TheService
-from app.web.labels import VERIFICATIONS, LabelGiven, Verified, choices
+from app.web.forms import (
+    LARGEST_NUMBER,
+    NUMBERS,
+    VERIFICATIONS,
+    LabelGiven,
+    Verified,
+    choices,
+    may_keep,
+    number_of,
+    said_how,
+    taken_in,
+    told,
+)
 from app.web.page import (
     ROWS,
     FromOurPage,
@@ -42,11 +51,10 @@ from app.web.page import (
     SignInNeeded,
     Visitor,
     below_root,
-    counts_of,
+    demo_ids,
     lead,
     render,
 )
-from app.web.pages.recordings import demo_ids
 from casebase.axes import find_axis
 from casebase.cycle.retain import is_undone
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
@@ -59,10 +67,7 @@ from casebase.store.models import Case, StoredDiagnosis
 router = APIRouter()
 FILTERS = (("", "All"), *VERDICTS.items())
 LONGEST_VERIFICATION = 500
-Known = TypeVar("Known", bound=RecordingMetadata)
-NUMBERS = {"speed_rad_s": "The largest speed of the output [rad/s]", "payload_kg_m2": "The payload [kg m²]"}
 KINDS = {FAULT: "Fault likely, not confirmed", UNDECIDED: "Undecided", UNKNOWN: "Not in the library"}
-LARGEST_NUMBER = 2**31 - 1
 
 
 @router.get("/")
@@ -113,37 +118,6 @@ def upload(request: Request, principal: PageOperator, upload: TheUpload, service
     return lead(service, f"/diagnoses/{identity}")
 
 
-def taken_in(
-    service: Service, upload: Upload, fields: Mapping[str, object], model: type[Known]
-) -> tuple[Intake, Known]:
-    """Take the recording of a form in, with what the form says of it."""
-    metadata: Known = read_metadata(json.dumps(fields), model)
-    file = upload.file("file")
-    return take_in(service.library, file.path, file.name, file.media_type, metadata), metadata
-
-
-def told(fields: dict[str, str], *words: str) -> dict[str, object]:
-    """Return what the form says, without what was left empty; numbers may have a decimal comma."""
-    found: dict[str, object] = {}
-    for name in ("axis", "gearbox", *words):
-        if text := fields.get(name, "").strip():
-            found[name] = text
-    for name, label in NUMBERS.items():
-        if text := fields.get(name, "").strip():
-            found[name] = number(label, text)
-    return found
-
-
-def number(label: str, text: str) -> float:
-    """Return a number of a form, which may have a decimal comma; raises Unprocessable."""
-    try:
-        return float(text.replace(",", "."))
-    except ValueError:
-        raise Unprocessable(
-            f"{label} must be a number such as 2.5, got {text!r}. Leave it empty if it is not known."
-        ) from None
-
-
 @router.get("/diagnoses/{diagnosis_id}", dependencies=[ReadingLimit])
 def one(
     request: Request,
@@ -187,7 +161,7 @@ def shown(
         f'curl -H "Authorization: Bearer $GEARCASE_KEY" {base}/api/v1/diagnoses/{row.id}'
     )
     context = view_of(session, service, row, orders=orders)
-    labels = choices(label for label, _ in counts_of(service.library, session))
+    labels = choices(label for label, _ in service.counts(session))
     context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels}
     kept = session.scalars(select(Case).where(Case.diagnosis_id == row.id).order_by(Case.id)).all()
     context["kept"] = [case for case in kept if not is_undone(session, case)]
@@ -272,21 +246,6 @@ def queue_of(service: Service) -> list[str]:
         return list(waiting(session, service.fleet.naming(session), faults_first=True))
 
 
-def may_keep(principal: Principal) -> None:
-    """Raise Forbidden unless somebody may change the library."""
-    if not principal.role.may(Role.ADMIN):
-        raise Forbidden(f"Cases are kept by admins; you are signed in with the role {principal.role}.")
-
-
-def said_how(verification: str | None) -> None:
-    """Raise Unprocessable unless it was said how a label was verified."""
-    if not verification:
-        raise Unprocessable(
-            "Say how it was verified before it is kept as a case: opened and seen, measured, by ear only, or not "
-            "verified."
-        )
-
-
 @router.post("/diagnoses/{diagnosis_id}/retain", dependencies=[FromOurPage])
 def retain(
     service: TheService, principal: PageAdmin, diagnosis_id: str, verification: Annotated[Verified, Form()] = ""
@@ -347,12 +306,6 @@ def reason_words(row: StoredDiagnosis, fault: NamedFault | None = None) -> str:
         since = "1 recording since then has" if fault.good == 1 else f"{fault.good} recordings since then have"
         return f"{name} was named, and {since} sounded good. A worn gear does not heal: do the checks on its page."
     return f"{name} is likely. Do the checks on its page, then confirm or correct."
-
-
-def number_of(request: Request, name: str) -> int | None:
-    """Return a number from the address of a page; None where there is none."""
-    text = request.query_params.get(name, "")
-    return min(int(text), LARGEST_NUMBER) if text.isascii() and text.isdigit() and len(text) < 12 else None
 
 
 @router.post("/steps/undo", dependencies=[FromOurPage])

@@ -7,8 +7,8 @@ from urllib.parse import quote
 from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import Response
 
-from app.api.simulations import SimulationRequest, campaign_of
-from app.axes import TEMPLATES
+from app.api.jobs import SimulationRequest, campaign_of
+from app.axes import TEMPLATES, check_known
 from app.background_cache import Pending
 from app.http.errors import Unprocessable
 from app.http.security import check_csrf
@@ -20,11 +20,20 @@ from app.report.words import verdict_of
 from app.service import Reading, Service, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
 from app.web.first_hour import Hour, axis_cases, known_of_axis, obstacles
-from app.web.labels import VERIFICATIONS, LabelQuestion, choices, label_given
-from app.web.page import FromOurPage, Message, PageAdmin, PageOperator, PageViewer, counted, counts_of, lead, render
-from app.web.pages.axes import check_known
-from app.web.pages.care import MOST_AT_ONCE
-from app.web.pages.diagnoses import NUMBERS, may_keep, number_of, said_how, taken_in, told
+from app.web.forms import (
+    MOST_AT_ONCE,
+    NUMBERS,
+    VERIFICATIONS,
+    LabelQuestion,
+    choices,
+    label_given,
+    may_keep,
+    number_of,
+    said_how,
+    taken_in,
+    told,
+)
+from app.web.page import FromOurPage, Message, PageAdmin, PageOperator, PageViewer, lead, render
 from casebase.axes import find_axis, list_axes
 from casebase.diagnoses import revise_diagnosis
 from casebase.origins import MEASURED, SIMULATED
@@ -69,7 +78,7 @@ def first_hour(
         newest_recordings(session, name, SHOWN),
         jobs.newest_of_axis(GENERATION, name),
         None if isinstance(evaluation, Pending) else evaluation,
-        counted(service.library, session, "gearboxes", lambda: gearboxes_known(session)),
+        service.counted(session, "gearboxes", lambda: gearboxes_known(session)),
     )
     context = {
         "hour": hour,
@@ -78,7 +87,7 @@ def first_hour(
         "waiting": begun,
         "recordings": [(one, checked(one), said(one)) for one in hour.taken],
         "answers": {origin: {one.label: one for one in hour.answers(origin)} for origin in (MEASURED, SIMULATED)},
-        "choices": choices(label for label, _ in counts_of(service.library, session)),
+        "choices": choices(label for label, _ in service.counts(session)),
         "ways": VERIFICATIONS,
         "usual": USUAL,
         "most": MOST_AT_ONCE,

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from datetime import timedelta
 from typing import Annotated
 from zoneinfo import ZoneInfo
 
@@ -11,10 +10,10 @@ from fastapi.responses import Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from app.report.charts import charts_of, level_chart
 from app.report.standing_words import WORDS, day, evidence_words, next_steps, since_words, state_badge, trend_words, why
-from app.report.trend import charts_of, level_chart
 from app.report.words import VERDICTS, in_short, is_compared, sure_of
-from app.service import Reading, Service, TheService
+from app.service import Reading, TheService
 from app.web.first_hour import axis_cases, known_of_axis
 from app.web.page import ROWS, Headlined, PageViewer, newest, render, waiting_page
 from casebase.axes import is_axis, unknown_axis
@@ -35,11 +34,6 @@ SAID_BY = ("fault", "hypotheses", "labels", "quality", "remarks", "novelty", "re
 """Parts of a diagnosis that are needed to say in short what it says."""
 
 
-def silent_after(service: Service) -> timedelta:
-    """Return after how long a gearbox counts as not heard."""
-    return timedelta(days=service.settings.silent_after_days)
-
-
 @router.get("/fleet")
 def fleet(
     request: Request,
@@ -56,7 +50,7 @@ def fleet(
         basis = "all recordings, once after each start of the service"
         return waiting_page(request, principal, begun, "Fleet", words, basis, section=SECTION)
     at, zone = now(), service.settings.time_zone
-    known = [(row, row.state) for row in service.fleet.gearboxes(session, at, silent_after(service))]
+    known = [(row, row.state) for row in service.fleet.gearboxes(session, at, service.settings.silent_after)]
     counts = Counter(here for _, here in known)
     wanted = [row for row, here in known if state in (None, here)]
     rows = wanted[first : first + SHOWN]
@@ -117,7 +111,7 @@ def gearbox_page(
     shown = found[history - 1 if history else -1]
     trend = known.trend if shown.until is None else trend_of(session, shown)
     at, zone = now(), service.settings.time_zone
-    stands = standing(shown, trend, at, silent_after(service)) if shown.until is None else None
+    stands = standing(shown, trend, at, service.settings.silent_after) if shown.until is None else None
     heard = list(reversed(shown.heard))
     first = next((k + 1 for k, one in enumerate(heard) if one.recording_id == before), 0)
     page = heard[first : first + ROWS]

@@ -10,11 +10,11 @@ from fastapi.responses import JSONResponse, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from app.api.investigations import asked_of, axis_of
 from app.api.recordings import UNCHANGING
 from app.http.errors import NotFound, Unprocessable
 from app.http.security import Principal, check_csrf
 from app.http.uploads import TheUpload, Upload
+from app.investigation_request import asked_of, axis_of
 from app.investigations import (
     PARTS,
     accept,

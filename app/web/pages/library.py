@@ -8,9 +8,8 @@ from fastapi.responses import Response
 from sqlalchemy import select
 
 from app.background_cache import Pending
-from app.http.concurrency_limiter import ReadingLimit
 from app.http.errors import Conflict, Unprocessable
-from app.http.security import check_csrf
+from app.http.security import ReadingLimit, check_csrf
 from app.http.uploads import TheUpload
 from app.recordings.metadata import CaseMetadata
 from app.report.formatting import sentence
@@ -18,9 +17,20 @@ from app.report.recorded import chart_of, features_of
 from app.report.steps import told as told_step
 from app.service import Reading, Service, TheService
 from app.web.first_hour import axis_cases
-from app.web.labels import VERIFICATIONS, LabelGiven, LabelQuestion, choices, damage_of, label_given
-from app.web.page import FromOurPage, Message, PageAdmin, PageViewer, counts_of, lead, of_library, render, waiting_page
-from app.web.pages.diagnoses import number, number_of, said_how, taken_in, told
+from app.web.forms import (
+    VERIFICATIONS,
+    LabelGiven,
+    LabelQuestion,
+    choices,
+    damage_of,
+    label_given,
+    number,
+    number_of,
+    said_how,
+    taken_in,
+    told,
+)
+from app.web.page import FromOurPage, Message, PageAdmin, PageViewer, lead, of_library, render, waiting_page
 from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.reasoning.evaluation import Evaluation
 from casebase.search.axis_cases import LabelCases
@@ -57,7 +67,7 @@ def cases(
     page = service.library.retrieve.cases(session, wanted, limit=100, cursor=cursor)
     chosen = {"label": label, "origin": origin, "axis": axis, "gearbox": gearbox, "state": state}
     chosen["verification"] = verification
-    counts = counts_of(service.library, session)
+    counts = service.counts(session)
     context = {
         "rows": page.items,
         "next_cursor": page.next_cursor,
@@ -134,7 +144,7 @@ def _changed(service: Service, step: int | None) -> Response:
 @router.get("/library/add")
 def add_page(request: Request, session: Reading, service: TheService, principal: PageAdmin) -> Response:
     """The form of a new case."""
-    context = {"choices": choices(one for one, _ in counts_of(service.library, session)), "ways": VERIFICATIONS}
+    context = {"choices": choices(one for one, _ in service.counts(session)), "ways": VERIFICATIONS}
     return render(request, "add_case.html", context, principal=principal, section=SECTION)
 
 
@@ -181,7 +191,7 @@ def taught(request: Request, session: Reading, service: TheService, principal: P
     having = service.evaluation_soon(session, "both")
     for one in (without, having):
         if isinstance(one, Pending):
-            above, basis = (f"/cases/{row.id}", f"Case {row.label}"), of_library(service.library, session)
+            above, basis = (f"/cases/{row.id}", f"Case {row.label}"), of_library(service, session)
             return waiting_page(request, principal, one, TAUGHT, row.recording.file_name, basis, crumb=above)
     assert isinstance(without, Evaluation)
     assert isinstance(having, Evaluation)

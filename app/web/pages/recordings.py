@@ -8,28 +8,19 @@ from fastapi.responses import JSONResponse, RedirectResponse
 from sqlalchemy.orm import Session
 
 from app.api import recordings as api
-from app.http.concurrency_limiter import ReadingLimit
 from app.http.errors import Unprocessable
-from app.http.security import Role
+from app.http.security import ReadingLimit, Role
 from app.recordings import views
-from app.recordings.intake import DEMO
 from app.report import charts
 from app.report.recorded import PlotName, chart_of, spectrogram_png
 from app.service import Reading, TheService
-from app.web.page import FromOurPage, PageAdmin, SignInNeeded, Visitor, below_root, lead, root_of
+from app.web.page import FromOurPage, PageAdmin, SignInNeeded, Visitor, below_root, demo_ids, lead, root_of
 from casebase.errors import NotFoundError
 from casebase.store import erasing
-from casebase.store.artifacts import active_artifact
 
 router = APIRouter(prefix="/recordings/{recording_id}")
 demonstration = APIRouter()
 PAGE_OF_OURS = re.compile(r"/(cases|diagnoses)/[0-9a-f]{32}")
-
-
-def demo_ids(session: Session) -> tuple[str, str] | None:
-    """Return diagnosis and recording of the demonstration that came with the starter library, if there is one."""
-    row = active_artifact(session, DEMO)
-    return None if row is None else (str(row.content["diagnosis_id"]), str(row.content["recording_id"]))
 
 
 def allowed(session: Session, principal: Visitor, request: Request, recording_id: str) -> None:

@@ -11,8 +11,8 @@ from fastapi import APIRouter, Depends, Header, Query, Request
 from fastapi.responses import Response
 
 from app.api.recordings import asked_range
-from app.http.concurrency_limiter import ReadingLimit
 from app.http.errors import Unprocessable
+from app.http.security import ReadingLimit
 from app.recordings.intake import hear
 from app.recordings.metadata import RecordingMetadata
 from app.report.charts import Chart

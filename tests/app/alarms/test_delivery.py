@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import select
 
-from app.alarms.senders import signed
+from app.alarms.sending import signed
 from benchmarks.harness.live import LiveServer, started
 from benchmarks.harness.sounds import sound
 from casebase.library import CaseLibrary

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import select
 
-from app.alarms.senders import is_public
-from app.alarms.sending import RETRIES, attempt, quiet_until
+from app.alarms.sending import RETRIES, attempt, is_public, quiet_until
 from app.fleet import Fleet, settle
 from app.settings import Settings
 from casebase.alarms import outbox

@@ -1,17 +1,24 @@
-"""Labels to choose from, and what is asked before a new one: a second word for a known kind splits its cases in two."""
+"""What forms of the pages say: of a recording and its label, which is asked for again where it looks like a known one.
 
+A second word for a known kind would split its cases in two.
+"""
+
+import json
 import re
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from difflib import get_close_matches
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
-from fastapi import Depends, Form
+from fastapi import Depends, Form, Request
 from pydantic import TypeAdapter, ValidationError
 
-from app.http.errors import Unprocessable
+from app.http.errors import Forbidden, Unprocessable
+from app.http.security import Principal, Role
+from app.http.uploads import Upload
+from app.recordings.intake import Intake, take_in
+from app.recordings.metadata import RecordingMetadata, read_metadata
 from app.report.words import NAMES, name_of
-from app.service import TheService
-from app.web.page import counts_of
+from app.service import Service, TheService
 from casebase.labels import GEAR_DAMAGE
 from casebase.store.fields import Label
 from sim.experiment.design_of_experiments import LABELS
@@ -44,6 +51,11 @@ VERIFICATIONS: dict[str, str] = {
     "unverified": "not verified",
 }
 """The words of the pages for how a label was verified, the surest first."""
+NUMBERS = {"speed_rad_s": "The largest speed of the output [rad/s]", "payload_kg_m2": "The payload [kg m²]"}
+LARGEST_NUMBER = 2**31 - 1
+MOST_AT_ONCE = 1000
+"""Cases of a label that one form has simulated."""
+Known = TypeVar("Known", bound=RecordingMetadata)
 Verified = Literal["", "opened", "measured", "heard", "unverified"]
 
 Choices = list[tuple[str, list[tuple[str, str]]]]
@@ -122,7 +134,7 @@ def label_given(
 
     def wanted() -> str:
         with service.library.reading() as session:
-            known = {one for one, _ in counts_of(service.library, session)}
+            known = {one for one, _ in service.counts(session)}
         return chosen(label, another, bool(sure), known)
 
     return wanted
@@ -150,3 +162,55 @@ def _other_words(label: str) -> list[str]:
 
 def _squeezed(word: str) -> str:
     return re.sub(r"[^a-z0-9]", "", word.lower())
+
+
+def taken_in(
+    service: Service, upload: Upload, fields: Mapping[str, object], model: type[Known]
+) -> tuple[Intake, Known]:
+    """Take the recording of a form in, with what the form says of it."""
+    metadata: Known = read_metadata(json.dumps(fields), model)
+    file = upload.file("file")
+    return take_in(service.library, file.path, file.name, file.media_type, metadata), metadata
+
+
+def told(fields: dict[str, str], *words: str) -> dict[str, object]:
+    """Return what the form says, without what was left empty; numbers may have a decimal comma."""
+    found: dict[str, object] = {}
+    for name in ("axis", "gearbox", *words):
+        if text := fields.get(name, "").strip():
+            found[name] = text
+    for name, label in NUMBERS.items():
+        if text := fields.get(name, "").strip():
+            found[name] = number(label, text)
+    return found
+
+
+def number(label: str, text: str) -> float:
+    """Return a number of a form, which may have a decimal comma; raises Unprocessable."""
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        raise Unprocessable(
+            f"{label} must be a number such as 2.5, got {text!r}. Leave it empty if it is not known."
+        ) from None
+
+
+def may_keep(principal: Principal) -> None:
+    """Raise Forbidden unless somebody may change the library."""
+    if not principal.role.may(Role.ADMIN):
+        raise Forbidden(f"Cases are kept by admins; you are signed in with the role {principal.role}.")
+
+
+def said_how(verification: str | None) -> None:
+    """Raise Unprocessable unless it was said how a label was verified."""
+    if not verification:
+        raise Unprocessable(
+            "Say how it was verified before it is kept as a case: opened and seen, measured, by ear only, or not "
+            "verified."
+        )
+
+
+def number_of(request: Request, name: str) -> int | None:
+    """Return a number from the address of a page; None where there is none."""
+    text = request.query_params.get(name, "")
+    return min(int(text), LARGEST_NUMBER) if text.isascii() and text.isdigit() and len(text) < 12 else None
