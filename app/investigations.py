@@ -349,7 +349,7 @@ def _investigated_robot(
     library: CaseLibrary, row: StoredInvestigation, report: Report
 ) -> tuple[dict[str, object], str]:
     from sim.robot.investigation import investigate_robot
-    from sim.robot.log import read_log
+    from sim.robot.motion import read_log
     from sim.robot.report import parts_of_robot, robot_story
 
     (urdf,) = _paths(library, row, "urdf")
