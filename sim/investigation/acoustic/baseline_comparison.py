@@ -23,6 +23,7 @@ from sim.investigation.acoustic.evidence import AcousticFinding, Tail, log_ratio
 from sim.investigation.acoustic.operating_states import NO_STANDSTILL, Course, Cruise, Mask
 from sim.investigation.acoustic.order_spectrum import (
     CELL,
+    DESCRIBED_WITHIN,
     LEAST_AT_REST,
     LEAST_SEGMENTS,
     LEVEL_BAND_HZ,
@@ -37,7 +38,6 @@ from sim.investigation.acoustic.order_spectrum import (
 from sim.mechanisms import MeshError, StructuralResonance
 
 NO_AS_NEW = "no recording from when the axis was new was given to compare with"
-SAME_SPEED = 0.15  # relative: at another speed teeth excite the housing at other frequencies
 AROUND_HZ = 64.0  # wider than what an uneven speed smears a strong line over
 RUNG = 0.1  # relative: so near a pitch that rings its sound lifts lines
 BESIDE_HZ = 1.5  # of a line: how far the speed of one cruise may be off
@@ -46,12 +46,11 @@ PEAK_DB = 3.0
 CELLS = 1.5  # half of what a line of teeth covers, and what nine in ten simulated pitches are found within
 LEAST_OPEN = 0.15  # of the cells
 AT_REST_DB = 4.0  # what is hardly louder while moving is none of the axis
-ALIKE = 0.7  # correlation; simulated recordings of one gearbox in good order have 0.88 and more
 # Scores of simulated gearboxes on two days: of 157 with teeth as new, half of them with something that rings, ten
 # reach 4.5; of 66 in good order the ring of none reaches 2.5.
 TEETH_TAIL = Tail(start=4.5, share=0.065, scale=1.6)
 USUAL_DB = 2.5
-RING_TAIL = Tail(start=USUAL_DB, share=0.05, scale=1.5)
+RING_TAIL = Tail(start=USUAL_DB, scale=1.5)
 
 
 @dataclass(frozen=True)
@@ -95,22 +94,6 @@ def grown(axis: Axis, courses: Sequence[Course], as_new: Sequence[Course]) -> Gr
     return Grown((*_mesh_error(axis, teeth), *_resonance(ringing, told)), quiet)
 
 
-def unlike_recordings_as_new(
-    courses: Sequence[Course], as_new: Sequence[Course], names: Sequence[str]
-) -> tuple[str, ...]:
-    """A remark where a recording has so little in common with those as new that they may be of another gearbox."""
-    out = []
-    for name, course in zip(names, courses, strict=True):
-        likeness = [_likeness(course, one) for one in as_new if _hindrance_of_pitches(course, one) is None]
-        if likeness and max(likeness) < ALIKE:
-            out.append(
-                f"The spectrum{'' if len(names) == 1 else f' of {name}'} has little in common with that as new "
-                f"(correlation {max(likeness):.2f}): either something very loud has come in, or it is another gearbox, "
-                "housing or place of the microphone, and then the comparison says nothing."
-            )
-    return tuple(out)
-
-
 def growth_curves(course: Course, as_new: Sequence[Course]) -> tuple[Array, tuple[tuple[str, Array], ...]]:
     """For a picture: frequencies [Hz], and how much louder than as new [dB] while cruising and while speed changes.
 
@@ -142,7 +125,7 @@ def _speed(cruise: Cruise) -> float:
 def _matched(course: Course, other: Course) -> list[Cruise]:
     """Cruises at a speed that the other recording has as well."""
     speeds = np.array([_speed(c) for c in _heard_cruises(other)])
-    return [c for c in _heard_cruises(course) if (np.abs(speeds / _speed(c) - 1.0) <= SAME_SPEED).any()]
+    return [c for c in _heard_cruises(course) if (np.abs(speeds / _speed(c) - 1.0) <= DESCRIBED_WITHIN).any()]
 
 
 def _hindrance_of_lines(course: Course, as_new: Course) -> str | None:
@@ -326,13 +309,3 @@ def _of_teeth(courses: Sequence[Course]) -> Mask:
 
 def _over_base(level_db: Array) -> Array:
     return np.asarray(level_db - median_filter(level_db, BASE, mode="nearest"))
-
-
-def _likeness(course: Course, as_new: Course) -> float:
-    """Correlation of both spectra over their surroundings, without the largest difference."""
-    now, then = course.levels.speeding, as_new.levels.speeding
-    if now is None or then is None:
-        return 1.0
-    largest = int(np.argmax(_over_base(now - then)))
-    rest = np.abs(np.arange(now.size) - largest) > BASE // 3
-    return float(np.corrcoef(_over_base(now)[rest], _over_base(then)[rest])[0, 1])

@@ -22,8 +22,8 @@ class Tail:
     """How often good gearboxes reach a score: `share` of them exceed `start`, fewer by e per `scale` beyond."""
 
     start: float
-    share: float
     scale: float
+    share: float = 0.05
 
     def p_value(self, score: float) -> float:
         """Chance that a gearbox in good order scores as high; 1 below the tail."""

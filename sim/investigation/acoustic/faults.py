@@ -21,15 +21,14 @@ from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.investigation.acoustic.bearing import TURNS_TAIL, bearing_family, bearing_hindrance, turns_of_tooth
 from sim.investigation.acoustic.evidence import AcousticFinding, Tail, log_ratio, probability
-from sim.investigation.acoustic.operating_states import NO_STANDSTILL, Course
+from sim.investigation.acoustic.operating_states import LEAST_CRUISES, NO_STANDSTILL, Course
 from sim.mechanisms import Backlash, BearingDefect, MeshError, ToothDamage
 
 TEETH_BAND_HZ = (40.0, 100.0, 8.0)  # low, high, whitening: above arm and servo, below the housing
 APART_S = 0.06  # an impact is over by then
 RAMP_S = 0.05  # the speed is not yet steady when the loudness is
-LEAST_REVERSALS = 3
 AROUND_S = 1.0  # what an impact stands out of, where strokes do not repeat
-FEWEST, MOST = 3, 24  # impacts of a damaged tooth there
+MOST = 24  # impacts of a damaged tooth there
 END_S = 0.8  # of a stroke, at least: where it brakes or starts
 
 
@@ -54,7 +53,7 @@ def tooth_hindrance(course: Course) -> str | None:
         return NO_STANDSTILL
     if analysis.envelope(Band.LOW) is None or _teeth_band(analysis) is None:
         return f"the sample rate of {analysis.recording.sample_rate_hz:.0f} Hz is too low"
-    return None if count >= LEAST_REVERSALS else f"{LEAST_REVERSALS} standstills are needed and {count} heard"
+    return None if count >= LEAST_CRUISES else f"{LEAST_CRUISES} standstills are needed and {count} heard"
 
 
 def notch_bump(course: Course) -> Bump | None:
@@ -103,7 +102,7 @@ def impacts(course: Course) -> Bump | None:
     over = over_around(course.analysis.envelope(Band.LOW))
     peaks, _ = find_peaks(over, height=0.0, distance=HOP_HZ / 4.0)
     peaks = peaks[np.argsort(-over[peaks], kind="stable")]
-    counts = np.arange(FEWEST, min(MOST, peaks.size - 1) + 1)
+    counts = np.arange(LEAST_CRUISES, min(MOST, peaks.size - 1) + 1)
     if counts.size == 0:
         return Bump(0.0, 0.0, times_s=np.zeros(0))
     scores = 2.0 * over[peaks[counts - 1]] - over[peaks[counts]]
@@ -130,7 +129,7 @@ def end_of_half_cycles(course: Course) -> Bump | None:
             usual = float(np.median(maximum_filter1d(middle, start.size))) if middle.size > start.size else -np.inf
             high = float(over[end].max())
             found.append((high - max(float(start.max()), usual), high, float(time[end][np.argmax(over[end])]) - right))
-    if len(found) < LEAST_REVERSALS:
+    if len(found) < LEAST_CRUISES:
         return None
     louder, height, offset = zip(*found, strict=True)
     return Bump(float(trim_mean(louder, 0.25)), float(np.median(height)), float(np.median(offset)))
@@ -173,7 +172,7 @@ def _middle(height_db: Array, folded: HalfCycles, place: int) -> float:
 NOTCH_TAIL = Tail(start=4.0, share=0.12, scale=1.0)
 PLAY_TAIL = Tail(start=0.5, share=0.10, scale=0.72)
 # The same where the motion does not repeat; of 700 recordings without either fault, 325 for play.
-IMPACTS_TAIL = Tail(start=12.1, share=0.05, scale=2.2)
+IMPACTS_TAIL = Tail(start=12.1, scale=2.2)
 END_TAIL = Tail(start=0.75, share=0.10, scale=0.45)
 CLEAR = 2.0  # logarithm of a likelihood ratio
 SHOWN = 0.05  # p-value of a recording that shows a fault

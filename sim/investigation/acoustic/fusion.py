@@ -12,7 +12,6 @@ from sim.investigation.acoustic.baseline_comparison import (
     grown,
     hindrance_of_ringing,
     hindrance_of_teeth,
-    unlike_recordings_as_new,
 )
 from sim.investigation.acoustic.bearing import bearing_hindrance
 from sim.investigation.acoustic.evidence import AcousticFinding, AcousticResult, log_ratio, probability
@@ -21,6 +20,7 @@ from sim.investigation.acoustic.operating_states import LEAST_CRUISES, Course, c
 from sim.investigation.acoustic.recording_quality import recording_faults, recording_hindrances
 from sim.investigation.acoustic.residual import left_in
 from sim.investigation.data.preprocessing import Measurement
+from sim.investigation.results import REPORTED
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms import (
     MECHANISMS,
@@ -36,7 +36,6 @@ from sim.mechanisms import (
 from sim.mechanisms.catalogue import kind_or_any
 
 PLACES = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
-ALONE = 0.5  # probability from which a recording by itself would name a fault
 
 
 def names_of(sounds: Sequence[Recording]) -> tuple[str, ...]:
@@ -74,10 +73,10 @@ def contradictions(machine: Sequence[AcousticFinding], names: Sequence[str]) -> 
     out = []
     for heard in machine:
         alone = [name for name, p in zip(names, heard.p_values, strict=True)
-                 if p is not None and probability([p]) >= ALONE]  # fmt: skip
+                 if p is not None and probability([p]) >= REPORTED]  # fmt: skip
         against = [name for name, p in zip(names, heard.p_values, strict=True) if p is not None and log_ratio(p) < 0.0]
         if alone and against:
-            taken = "" if heard.probability >= ALONE else ", and all together do not name it"
+            taken = "" if heard.probability >= REPORTED else ", and all together do not name it"
             out.append(
                 f"The recordings contradict each other: {WORDS[heard.mechanism]} would be named by {_listed(alone)} "
                 f"alone, but is not heard in {_listed(against)}{taken}. If they are of different axes, or of before "
@@ -150,7 +149,6 @@ def _hindrances(axis: Axis, course: Course, as_new: Sequence[Course]) -> dict[st
     return {**recording_hindrances(course), **told}
 
 
-SAID = 0.5
 SURE = 0.9  # of what telemetry does not show, though it could
 WEAK = 0.85  # of a finding beside something without a name
 SAME_PITCH = 0.03  # relative
@@ -174,7 +172,7 @@ def sound_beside_telemetry(
         return alone.heard, alone.left
     course = course_of(axis, sound, measurement, offset_s)
     machine = [h for h in tooth_and_play(axis, [course]) if h.probability >= SURE]
-    bearing = [h for h in bearing_defect(axis, [course]) if h.probability >= SAID]
+    bearing = [h for h in bearing_defect(axis, [course]) if h.probability >= REPORTED]
     out = [*recording_faults(course), *bearing, *(replace(h, indistinguishable_from=()) for h in machine)]
     left = _left([course], [], named=bool(out))
     return tuple(discounted(h, left) for h in out), left
@@ -190,15 +188,13 @@ def sound_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Record
     courses, before = (tuple(course_of(axis, one, None, 0.0) for one in group) for group in (sounds, as_new))
     machine = [*tooth_and_play(axis, courses, before), *bearing_defect(axis, courses)]
     machine, told = _told_by_growth(machine, grown(axis, courses, before))
-    found = [h for h in (*machine, *_faults(courses)) if h.probability >= SAID]
-    rejected = tuple((h.mechanism, h.probability) for h in machine if h.probability < SAID)
+    found = [h for h in (*machine, *_faults(courses)) if h.probability >= REPORTED]
+    rejected = tuple((h.mechanism, h.probability) for h in machine if h.probability < REPORTED)
     within = reach(axis, courses, before)
     as_new_names = names_of(as_new)
     remarks = (
         within.sentence(),
-        *(f"{name}: {c.contradiction}" for name, c in zip(names, courses, strict=True) if c.contradiction),
         *contradictions(machine, names),
-        *unlike_recordings_as_new(courses, before, names),
         *copied,
         *told,
         ADVICE,
@@ -236,8 +232,8 @@ def _told_by_growth(machine: Sequence[AcousticFinding], growth: Grown) -> tuple[
     """
     if growth.teeth_as_new:
         machine = [replace(h, indistinguishable_from=()) for h in machine]
-    erring = next((h for h in growth.heard if h.mechanism == MeshError.name and h.probability >= SAID), None)
-    struck = [h.mechanism for h in machine if _loses_contact(h) and h.probability >= SAID]
+    erring = next((h for h in growth.heard if h.mechanism == MeshError.name and h.probability >= REPORTED), None)
+    struck = [h.mechanism for h in machine if _loses_contact(h) and h.probability >= REPORTED]
     if erring is None or not struck:
         return [*machine, *growth.heard], ()
     alike = replace(erring, indistinguishable_from=tuple(struck))

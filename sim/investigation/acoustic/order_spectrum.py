@@ -81,7 +81,7 @@ BAND_HZ = (20.0, 3_700.0)
 LARGEST_TURN = 4.4 * math.pi  # of a joint from end to end [rad]
 SLOWEST_RAD_S = 0.1  # of the load; a robot that cruises slower makes no sound
 CLEAR = 2.5  # logarithm of height that makes a mesh: twelve times the sound beside it
-STRUCTURE_HZ = 150.0  # below, arms and housings sing as narrowly as teeth
+STRUCTURE_HZ = LEVEL_BAND_HZ[0]  # below, arms and housings sing as narrowly as teeth
 MULTIPLES = np.array([1.0, 2.0, 3.0])
 
 

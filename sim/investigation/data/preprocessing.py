@@ -18,12 +18,12 @@ RATE_HZ = 1000.0  # of the prepared channels: four times the fastest mode that m
 WIDE_SHARE = 0.3  # -3 dB frequency of torque and acceleration over the sample rate
 ANGLE_CUT_HZ = 150.0  # motor angle that drives the chain: far above its modes, below the encoder's noise
 SLOW_ANGLE_CUT_HZ = 40.0  # the same without its encoder's noise, which springs and dampers turn into torque
-SLOW_DIRECT_ANGLE_CUT_HZ = 12.0  # the same without gears, where a stiff coupling makes far more of it
 LOAD_CUT_HZ = 50.0  # above this a load encoder of 20 bits says nothing about torque: what is left is cut off there
 LOAD_MOTION_CUT_HZ = 10.0  # the same for the load's angle
 MOTION_CUT_HZ = (
     12.0  # acceleration below it is the motion's own; above, mostly the encoder's noise, which would shrink inertias
 )
+SLOW_DIRECT_ANGLE_CUT_HZ = MOTION_CUT_HZ  # of an angle without gears: a stiff coupling makes far more of its noise
 REACH = 4  # rows on either side of a gap that are felt, per row of it
 REST_S = 0.4  # a shorter one is a reversal
 SLIPPED_RAD = 0.01  # of the motor after a rest, over which friction slides whatever it held: five times the way of most

@@ -209,7 +209,7 @@ def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None, gear:
     telemetry = record.telemetry
     rate, even = _channels(telemetry)
     reference, known = (telemetry.channels.get(name) for name in ("reference_position_rad", "known_torque_nm"))
-    check_channels(axis, even if reference is None else {**even, "reference": reference}, rate)
+    check_channels(axis, even if reference is None else {**even, "reference": reference})
     lost = ~record.measured
     for name in ("motor_torque_nm", "motor_position_rad"):
         lost |= telemetry.lost.get(name, False)

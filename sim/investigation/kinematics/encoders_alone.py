@@ -16,7 +16,7 @@ from sim.description.axis import Axis
 from sim.investigation.assessment.calibration import WEIGHTS
 from sim.investigation.data.channel_checks import ALIKE, UNITS, check_channels
 from sim.investigation.data.preprocessing import MOTION_CUT_HZ, Measurement, prepare
-from sim.investigation.data.sample_defects import bridged, quantum, spikes
+from sim.investigation.data.sample_defects import QUANTA, bridged, quantum, spikes
 from sim.investigation.data.validation import EvenRecord, InvestigationError, check_clock, evened, reading_remarks
 from sim.investigation.extended_axis import extended_by
 from sim.investigation.hypotheses.identifiability import ALONE
@@ -43,8 +43,7 @@ Array = NDArray[np.float64]
 HELD_S = 1.0  # in which a load comes to rest behind its motor
 REST_S = 0.3  # that the load stays at a place at least: a hand holds it so long, nothing that rings does
 RATE_HZ = 30.0  # ten rows in such a rest
-STANDS = 0.1  # of the whole way, within which something stands
-STEPS = 4.0  # of the encoder, which a way has at least: either end of it is off by half a step
+STANDS = 0.1  # of a way, within which something stands, and lost motion at its ends may shorten it
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ def pull_test(time_s: Array, motor: Array, load: Array) -> PullTest | None:
     let_go: list[float] = []
     for first, end in _runs(motor, STANDS * float(np.ptp(motor - load))):
         held = load[first + settle : end]
-        places = _places(held, rest) if held.size and np.ptp(held) > STEPS * step else []
+        places = _places(held, rest) if held.size and np.ptp(held) > QUANTA * step else []
         ends = [k for k in range(1, len(places) - 1) if _turns(places[k - 1 : k + 2])]
         pulled += [abs(places[b].angle - places[a].angle) for a, b in pairwise(ends)]
         between = [places[a + 1 : b] for a, b in pairwise([*ends, len(places) - 1])]
@@ -125,7 +124,6 @@ def _thinned(time_s: Array, *channels: Array) -> tuple[Array, ...]:
     return tuple(np.bincount(place, values) / count for values in (time_s, *channels))
 
 
-ABOUT = 0.1  # of a way, by which lost motion at its ends may shorten it
 FOLLOWS = 0.99  # correlation of two angles of the same motion
 SLOWEST_HZ = 2.0  # of a load that is held or comes to rest for a second and more
 SHOWN = 120  # points over the angle
@@ -193,14 +191,14 @@ def encoders_alone(axis: Axis, telemetry: Telemetry) -> EncodersAlone:
     if load.size < MINIMUM_ROWS:
         raise InvestigationError(NOT_STEADY)
     step = quantum(load)
-    if float(np.ptp(load)) <= STEPS * step:
+    if float(np.ptp(load)) <= QUANTA * step:
         raise InvestigationError(NO_MOTION)
     driven, told_at = _driven(axis, motor_name, motor, load)
     remarks = [*record.remarks, *told_at, *reading_remarks(telemetry)]
     m = prepare(rate, np.zeros(load.size), driven * axis.ratio, load, good, good, MOTION_CUT_HZ)
     time_s = record.telemetry.time_s
     if _follows_otherwise(driven, load):
-        check_channels(axis, {"angle": driven * axis.ratio, "load": load}, rate)
+        check_channels(axis, {"angle": driven * axis.ratio, "load": load})
     pulled = pull_test(time_s, driven, load)
     if pulled is not None:
         findings = _of_pull(axis, pulled, step)
@@ -210,7 +208,7 @@ def encoders_alone(axis: Axis, telemetry: Telemetry) -> EncodersAlone:
     if motor_name == "reference_position_rad":
         raise InvestigationError(NOT_HELD)
     if _alike(driven, load) < FOLLOWS or not _as_far(driven, load, ALIKE):
-        check_channels(axis, {"angle": driven * axis.ratio, "load": load}, rate)
+        check_channels(axis, {"angle": driven * axis.ratio, "load": load})
     seen = transmission_error(axis, m)
     if seen is None:
         raise InvestigationError(NOT_STEADY)
@@ -247,7 +245,7 @@ def _alike(one: Array, other: Array) -> float:
     return float(parts[0] @ parts[1]) / size if size > 0.0 else 0.0
 
 
-def _as_far(one: Array, other: Array, about: float = ABOUT) -> bool:
+def _as_far(one: Array, other: Array, about: float = STANDS) -> bool:
     """Whether two angles come about as far."""
     ways = sorted((float(np.ptp(one)), float(np.ptp(other))))
     return ways[0] > (1.0 - about) * ways[1]
@@ -259,7 +257,7 @@ def _driven(axis: Axis, name: str, motor: Array, load: Array) -> tuple[Array, tu
     Not where the ratio is about the factor of a unit, and a wrong unit would look the same.
     """
     at_load = motor / axis.ratio
-    if min(abs(math.log(axis.ratio / unit)) for unit in (1.0, *UNITS)) < ABOUT:
+    if min(abs(math.log(axis.ratio / unit)) for unit in (1.0, *UNITS)) < STANDS:
         return at_load, ()
     if not _as_far(motor, load) or _alike(motor, load) <= 0.0:
         return at_load, ()

@@ -13,6 +13,7 @@ from sim.description.axis import Axis
 from sim.investigation.assessment.calibration import WEIGHTS
 from sim.investigation.data.excitation import ERROR_ORDERS
 from sim.investigation.estimation.problem import MISTAKEN
+from sim.investigation.hypotheses.hypothesis import AS_NEW_FACTOR
 from sim.investigation.hypotheses.identifiability import ALONE
 from sim.investigation.kinematics.transmission_error import (
     BLOCKS,
@@ -36,7 +37,6 @@ from sim.mechanisms.catalogue import mechanism_of
 from sim.mechanisms.locations import meshes
 from sim.mechanisms.mechanism import Need
 
-CLEARLY = 3.0  # times as new, which is a finding
 SPREAD = math.sqrt(2.0) * STATED_SPREAD  # of friction over stiffness
 
 
@@ -91,11 +91,11 @@ class AsNew:
 
     @property
     def _limit(self) -> float:
-        return max(CLEARLY * self.gap, self.found)
+        return max(AS_NEW_FACTOR * self.gap, self.found)
 
     def is_exceeded(self, size: Amplitude) -> bool:
         """Whether an error that repeats with the angle is clearly more than as new."""
-        return is_larger_than(size, CLEARLY * self.error, 2)
+        return is_larger_than(size, AS_NEW_FACTOR * self.error, 2)
 
 
 def place_of_gap(axis: Axis) -> str | None:

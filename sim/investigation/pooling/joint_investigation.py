@@ -39,7 +39,6 @@ from sim.investigation.pooling.pooled_estimates import (
     calibrated,
     denied,
     extension,
-    from_the_least_bent,
     pooled_sizes,
     sizes,
     under_one_model,
@@ -155,8 +154,6 @@ def _combined(
     if worse := denied(parts, said):
         named = weighed(results, worse)
         said, parts = _under_one_model(recordings, results, named, progress)
-    progress("numbers of one recording tried on the others", 0.97)
-    parts = from_the_least_bent(parts)
     own = _own(parts, named)
     named = {name: one for name, one in named.items() if not is_own(name)}
     said = [name for name in said if not is_own(name)]
