@@ -23,7 +23,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("size", "app.commands.sound", "Say how large backlash (play) or tooth damage (notch) is."),
     ("cases", "app.commands.cases", "Add, list, export and import cases."),
     ("axes", "app.commands.axes", "List, show, add and change axes."),
-    ("recordings", "app.commands.recordings", "Erase the audio of recordings."),
+    ("recordings", "app.commands.cases", "Erase the audio of recordings."),
     ("generate", "app.commands.generate", "Generate cases by simulation."),
     ("fit", "app.commands.sound", "Fit the simulated sound to normal recordings of an axis."),
     ("compare", "app.commands.sound", "Say what the simulated sound of an axis gets wrong."),

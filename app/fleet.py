@@ -89,7 +89,7 @@ class Fleet:
         ]
         heard = {row.axis for row in rows}
         rows += [Gearbox(name, None, None) for name in described(session, axis) if name not in heard]
-        return sorted(rows, key=_rank)
+        return sorted(rows, key=lambda row: (ORDER.index(row.state), natural(row.axis), natural(row.gearbox or "")))
 
     def place(self, session: Session, axis: str, gearbox: str | None) -> Known | None:
         """Return what is known of one place; None where nothing was recorded there or put in."""
@@ -135,10 +135,6 @@ def _worked_out(session: Session, wanted: Mapping[Place, tuple[object, ...]]) ->
     places = [(each.axis, each.gearbox) for each in serving]
     trends = dict(zip(places, trends_of(session, serving), strict=True))
     return {place: Known(wanted[place], tuple(found[place]), trends.get(place)) for place in wanted}
-
-
-def _rank(row: Gearbox) -> tuple[int, list[tuple[int, str]], list[tuple[int, str]]]:
-    return ORDER.index(row.state), natural(row.axis), natural(row.gearbox or "")
 
 
 def natural(name: str) -> list[tuple[int, str]]:

@@ -11,8 +11,9 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session, defer
@@ -32,13 +33,18 @@ from signals.errors import SignalError
 from signals.reading.decode import read_recording
 from signals.reading.documents import parse_foreign
 from signals.recording import Recording
-from signals.telemetry import check_telemetry, read_telemetry
+from signals.telemetry import Telemetry, check_telemetry, read_telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.errors import AxisError, SimulationError
 from sim.investigation.data.pairing import check_as_new, check_pairs
 from sim.investigation.report.comparison import Row, Value, findings_compared, values_compared
 from sim.robot.foreign import ForeignRobot, foreign_robot, kept_robot
+
+if TYPE_CHECKING:
+    from sim.investigation.pooling.joint_investigation import Together
+    from sim.investigation.results import Investigation
+    from sim.robot.results import RobotInvestigation
 
 KIND = "investigations"
 ACTOR = "investigator"
@@ -305,78 +311,70 @@ def perform(library: CaseLibrary, investigation_id: str, report: Report) -> Json
 
 
 def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report) -> tuple[dict[str, object], str]:
+    channels: Any = row.inputs.get("channels")
+    named = list(zip(names_of(row, "telemetry"), _paths(library, row, "telemetry"), strict=True))
+    found: Investigation | Together | RobotInvestigation
     if row.robot:
-        return _investigated_robot(library, row, report)
-    if len(_paths(library, row, "telemetry")) > 1:
-        return _investigated_together(library, row, report)
-    # only a worker pays for importing what investigates
+        from sim.robot.investigation import investigate_robot  # only a worker pays for importing what investigates
+        from sim.robot.motion import read_log
+
+        (urdf,) = _paths(library, row, "urdf")
+        robot = kept_robot(row.axis_document, urdf.read_bytes())
+        logs = [replace(read_log(robot, path, channels), name=name) for name, path in named]
+        found = investigate_robot(robot, logs, report)
+    else:
+        telemetry = [(name, read_telemetry(path, channels=channels)) for name, path in named]
+        sounds, as_new = (_sounds(library, row, part) for part in ("sound", "as_new"))
+        offset_s: Any = row.inputs.get("sound_offset_s", 0.0)
+        found = investigated(read_axis(row.axis_document), telemetry, sounds, as_new, float(offset_s), report)
+    document, page = reported(found, [name for part in ("urdf", *PARTS[:3]) for name in names_of(row, part)])
+    return json.loads(json.dumps(document, allow_nan=False)), page
+
+
+def investigated(
+    axis: Axis,
+    telemetry: Sequence[tuple[str, Telemetry]],
+    sounds: Sequence[Recording],
+    as_new: Sequence[Recording],
+    sound_offset_s: float,
+    progress: Report,
+) -> Investigation | Together:
+    """Hold measured data of an axis against its description; several recordings of named telemetry together."""
     from sim.investigation.investigate import investigate
-    from sim.investigation.report.summary import story
-
-    telemetry = _paths(library, row, "telemetry")
-    sounds, as_new = (_sounds(library, row, part) for part in ("sound", "as_new"))
-    found = investigate(
-        read_axis(row.axis_document),
-        read_telemetry(telemetry[0], channels=_channels(row)) if telemetry else None,
-        sounds,
-        sound_offset_s=_offset(row),
-        progress=report,
-        as_new=as_new,
-    )
-    files = [name for part in PARTS for name in names_of(row, part)]
-    document = {**found.document(), "story": story(found)}
-    return _plain(document), investigation_report(document, found.axis, files)
-
-
-def _investigated_together(
-    library: CaseLibrary, row: StoredInvestigation, report: Report
-) -> tuple[dict[str, object], str]:
     from sim.investigation.pooling.joint_investigation import investigate_together
     from sim.investigation.pooling.pooled_estimates import NamedRecording
-    from sim.investigation.report.summary import parts_together, story_together
 
-    telemetry = zip(names_of(row, "telemetry"), _paths(library, row, "telemetry"), strict=True)
-    recordings = [NamedRecording(name, read_telemetry(path, channels=_channels(row))) for name, path in telemetry]
-    for place, sound in enumerate(_sounds(library, row, "sound")):
-        recordings[place] = replace(recordings[place], sound=sound, sound_name=sound.name)
-    found = investigate_together(read_axis(row.axis_document), recordings, report, _offset(row))
-    document = {**found.document(), "story": story_together(found)}
-    files = [part.recording.name for part in found.parts]
-    return _plain(document), investigation_report(document, found.combined.axis, files, parts_together(found))
+    if len(telemetry) < 2:
+        only = telemetry[0][1] if telemetry else None
+        return investigate(axis, only, sounds, progress, sound_offset_s, as_new)
+    pairs = zip_longest(telemetry, sounds)
+    recordings = [NamedRecording(name, one, sound, sound.name if sound else None) for (name, one), sound in pairs]
+    return investigate_together(axis, recordings, progress, sound_offset_s)
 
 
-def _investigated_robot(
-    library: CaseLibrary, row: StoredInvestigation, report: Report
+def reported(
+    found: Investigation | Together | RobotInvestigation, files: Sequence[str]
 ) -> tuple[dict[str, object], str]:
-    from sim.robot.investigation import investigate_robot
-    from sim.robot.motion import read_log
+    """Return the document of an investigation with its story, and its report as one HTML file.
+
+    Args:
+        files: names of what was measured; several recordings of an axis have theirs.
+    """
+    from sim.investigation.pooling.joint_investigation import Together
+    from sim.investigation.report.summary import parts_together, story, story_together
     from sim.robot.report import parts_of_robot, robot_story
+    from sim.robot.results import RobotInvestigation
 
-    (urdf,) = _paths(library, row, "urdf")
-    robot = kept_robot(row.axis_document, urdf.read_bytes())
-    logs = [
-        replace(read_log(robot, path, _channels(row)), name=name)
-        for path, name in zip(_paths(library, row, "telemetry"), names_of(row, "telemetry"), strict=True)
-    ]
-    found = investigate_robot(robot, logs, report)
-    files = [name for part in ("urdf", "telemetry") for name in names_of(row, part)]
-    document = {**found.document(), "story": robot_story(found)}
-    return _plain(document), investigation_report(document, None, files, parts_of_robot(found))
-
-
-def _plain(document: Mapping[str, object]) -> dict[str, object]:
-    plain: dict[str, object] = json.loads(json.dumps(document, allow_nan=False))
-    return plain
-
-
-def _offset(row: StoredInvestigation) -> float:
-    offset = row.inputs.get("sound_offset_s", 0.0)
-    return float(offset) if isinstance(offset, int | float) else 0.0
-
-
-def _channels(row: StoredInvestigation) -> str | None:
-    text = row.inputs.get("channels")
-    return text if isinstance(text, str) else None
+    parts: list[tuple[str, dict[str, object]]] = []
+    if isinstance(found, RobotInvestigation):
+        axis, told, parts = None, robot_story(found), parts_of_robot(found)
+    elif isinstance(found, Together):
+        axis, told, parts = found.combined.axis, story_together(found), parts_together(found)
+        files = [part.recording.name for part in found.parts]
+    else:
+        axis, told = found.axis, story(found)
+    document = {**found.document(), "story": told}
+    return document, investigation_report(document, axis, files, parts)
 
 
 def files_of(inputs: Mapping[str, object], part: str) -> list[Mapping[str, Any]]:

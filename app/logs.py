@@ -1,12 +1,15 @@
 """Logs: one JSON object per line, on stderr or in a folder; of bounded length, with the request's id, without keys."""
 
 import logging
+import os
 import re
+import signal
 import sys
+import threading
 from collections.abc import MutableMapping
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import structlog
 
@@ -80,3 +83,20 @@ def configure_logs(program: str, folder: Path | None = None, level: int = loggin
         logging.getLogger(name).propagate = True
     logging.getLogger("uvicorn.access").disabled = True  # the request record says more
     logging.getLogger("alembic").setLevel(logging.WARNING)
+
+
+def stop_on_signals() -> threading.Event:
+    """An event that SIGTERM and SIGINT set."""
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    return stop
+
+
+def leave(*, again: bool) -> NoReturn:
+    """End this process, or begin it anew, without waiting for its threads, nor taking apart what it holds in memory."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if again:
+        os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])  # noqa: S606
+    os._exit(0)

@@ -38,10 +38,8 @@ from app.web.pages import care as care_pages
 from app.web.pages import describe as describe_pages
 from app.web.pages import diagnoses as diagnoses_pages
 from app.web.pages import first_hour as first_hour_pages
-from app.web.pages import fleet as fleet_pages
 from app.web.pages import investigations as investigations_pages
 from app.web.pages import library as library_pages
-from app.web.pages import recordings as recordings_pages
 from app.web.pages import simulate as simulate_pages
 from signals.reading.decode import warm_up
 
@@ -61,10 +59,10 @@ ROUTERS: tuple[APIRouter, ...] = (
 """Everything under /api/v1; a new noun is one line here."""
 
 PAGES: tuple[APIRouter, ...] = (
-    fleet_pages.router,
+    axes_pages.fleet_router,
     diagnoses_pages.router,
-    recordings_pages.demonstration,
-    recordings_pages.router,
+    library_pages.demonstration,
+    library_pages.recordings,
     library_pages.router,
     care_pages.router,
     axes_pages.router,

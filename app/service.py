@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from threading import Event
 from typing import Annotated, TypeVar, cast
 
@@ -38,6 +38,7 @@ class Service:
     limiter: MovingWindowRateLimiter = field(default_factory=lambda: MovingWindowRateLimiter(MemoryStorage()))
     stopping: Event = field(default_factory=Event)
     """Set when the service is told to stop: whoever waits beyond a moment is then to give up."""
+    fleet: Fleet = field(default_factory=Fleet)
     _counted: dict[str, tuple[int, object]] = field(default_factory=dict)
 
     @classmethod
@@ -72,9 +73,7 @@ class Service:
     def _evaluation(
         self, session: Session, group: str, origin: str, without: str | None = None, axis: str | None = None
     ) -> CachedQuery[Evaluation]:
-        def work(session: Session) -> Evaluation:
-            return self.library.reuse.evaluate(session, group=group, origin=origin, without=without, axis=axis)
-
+        work = partial(self.library.reuse.evaluate, group=group, origin=origin, without=without, axis=axis)
         kind = "evaluation" if axis is None else "evaluation of an axis"
         return CachedQuery(kind, library_version(session), (group, origin, without, axis), work)
 
@@ -113,10 +112,6 @@ class Service:
     def beside(self) -> Beside:
         """What is worked out once for each state of the library."""
         return Beside(self.library, self.stopping)
-
-    @cached_property
-    def fleet(self) -> Fleet:
-        return Fleet()
 
     @cached_property
     def upkeep(self) -> Upkeep:

@@ -12,7 +12,7 @@ import httpx
 import numpy as np
 from playwright.sync_api import sync_playwright
 
-from app.web.simulator import sliders
+from app.web.pages.simulate import sliders
 from benchmarks import Row
 from benchmarks.harness.live import LiveServer, started
 from sim.experiment.paper_axis import PAPER_AXIS

@@ -27,8 +27,7 @@ from app.http.errors import IfMatchRequired, Stale, validation_problem
 from app.http.headers import IfNoneMatch, Made, Once, OnlyOnce, has_already, not_modified
 from app.http.security import Admin, Viewer
 from app.http.uploads import MaybeUpload, Upload, multipart_body
-from app.recordings.intake import take_in
-from app.recordings.metadata import CaseMetadata, read_metadata
+from app.recordings.intake import CaseMetadata, read_metadata, take_in
 from app.service import Reading, Service, TheService
 from casebase.review import Competence, Finding, Hole, review
 from casebase.search.case_filter import CaseFilter

@@ -22,14 +22,12 @@ from app.documents import (
     page_of,
 )
 from app.http.errors import Unprocessable
-from app.http.headers import Made, OnlyOnce, chosen
+from app.http.headers import Made, OnlyOnce, chosen, self_contained
 from app.http.security import Operator, ReadingLimit, Viewer
 from app.http.uploads import TheUpload, multipart_body
-from app.recordings.intake import decoded, hear, take_in
-from app.recordings.metadata import RecordingMetadata, read_metadata
+from app.recordings.intake import RecordingMetadata, decoded, hear, read_metadata, take_in
 from app.recordings.neighbours import NeighbourQuery, RetrievalAnswer, neighbours_of, neighbours_of_stored
 from app.report.diagnosis_view import diagnosis_html
-from app.report.self_contained import self_contained
 from app.service import Reading, TheService
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
 from casebase.errors import ConflictError

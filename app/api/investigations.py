@@ -10,7 +10,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, RobotAnswer, page_of
-from app.http.headers import Made, OnlyOnce, chosen, location
+from app.http.headers import Made, OnlyOnce, chosen, location, self_contained
 from app.http.security import Admin, Operator, Viewer
 from app.http.uploads import BINARY, TheUpload
 from app.investigation_request import PARTS, asked_of
@@ -23,7 +23,6 @@ from app.investigations import (
     submit,
 )
 from app.jobs.job import Job
-from app.report.self_contained import self_contained
 from app.service import Reading, Service, TheService
 from casebase.store.models import RobotRevision, StoredInvestigation
 from casebase.store.pagination import page

@@ -9,8 +9,7 @@ from app.commands import BAD_INPUT, DONE, FAULT_FOUND, frame
 from app.commands.faults import sentence
 from app.commands.frame import ACTOR, AXIS, Channel, Gearbox, Json, Payload, Period, Speed, Steady
 from app.documents import DiagnosisAnswer
-from app.recordings.intake import decoded, hear, media_type_of, take_in
-from app.recordings.metadata import RecordingMetadata
+from app.recordings.intake import RecordingMetadata, decoded, hear, media_type_of, take_in
 from app.recordings.neighbours import MOST_NEIGHBOURS, NeighbourAnswer, NeighbourQuery, neighbours_of
 from app.recordings.sound_files import MEANT, Sound, sounds
 from app.report.formatting import sentence as sentence_of

@@ -14,8 +14,7 @@ from pydantic import BaseModel, ConfigDict
 
 from app.commands import frame
 from app.commands.frame import AXIS, CORES, Json, Processes
-from app.recordings.intake import take_in
-from app.recordings.metadata import RecordingMetadata
+from app.recordings.intake import RecordingMetadata, take_in
 from app.simulated import generation
 from app.simulated.generation import Campaign, Outcome, fitted_microphones, simulate_case
 from casebase.axes import add_axis

@@ -12,8 +12,8 @@ import typer
 
 from app.commands import frame
 from app.commands.frame import AXIS, Json
+from app.investigations import investigated, reported
 from app.recordings.intake import read_sound
-from app.report.investigation_report import investigation_report
 from signals.columns.table_kinds import table_kinds
 from signals.errors import SignalError
 from signals.reading.text import text_of
@@ -22,15 +22,13 @@ from signals.telemetry import Telemetry, read_telemetry
 from sim.description.axis_document import write_axis
 from sim.investigation.data.pairing import check_pairs
 from sim.investigation.investigate import Progress
-from sim.investigation.investigate import investigate as investigate_one
-from sim.investigation.pooling.joint_investigation import investigate_together
-from sim.investigation.pooling.pooled_estimates import NamedRecording
+from sim.investigation.pooling.joint_investigation import Together
 from sim.investigation.report.box import unexplained_words
 from sim.investigation.report.checks import ROWS, checked
 from sim.investigation.report.formatting import angle, likely, named
-from sim.investigation.report.summary import parts_together, story, story_together
 from sim.investigation.report.wording import headline
 from sim.investigation.results import Estimate, Investigation
+from sim.robot.results import RobotInvestigation
 
 Read = TypeVar("Read")
 Done = TypeVar("Done")
@@ -100,37 +98,39 @@ def investigate(
     check_pairs(len(telemetry or ()), len(sound or ()), len(as_new or ()), channel_map=channels is not None)
     heard, before = _sounds(sound or ()), _sounds(as_new or ())
     measured = _measured(telemetry or (), channels)
-    if len(measured) > 1:
-        taken = _taken(telemetry or (), measured, sound or (), heard)
-        together = _watched(lambda watch: investigate_together(described, taken, watch, sound_offset))
-        result, document = together.combined, together.document()
-        parts = parts_together(together) if report else []
-        shown = story_together(together) if report else {}
-        files = [part.recording.name for part in together.parts]
-        whose = [f"{part.recording.name}: " for part in together.parts for _ in part.gain]
-    else:
-        first = measured[0] if measured else None
-        result = _watched(lambda watch: investigate_one(described, first, heard, watch, sound_offset, before))
-        files = [path.name for path in (Path(axis), *(telemetry or ()), *(sound or ()), *(as_new or ()))]
-        document, whose = result.document(), ["" for _ in result.gain]
-        parts, shown = [], story(result) if report else {}
-    if report is not None:
-        page = investigation_report({**document, "story": shown}, described, files, parts)
-        report.write_text(page, encoding="utf-8")
-        frame.say(f"report: {report}")
+    found = _watched(lambda watch: investigated(described, measured, heard, before, sound_offset, watch))
+    result, whose = (found, ["" for _ in found.gain]) if isinstance(found, Investigation) else _together(found)
+    files = [path.name for path in (Path(axis), *(telemetry or ()), *(sound or ()), *(as_new or ()))]
+    _report(found, files, report)
     if extended is not None:
         extended.write_text(write_axis(result.extended), encoding="utf-8")
         frame.say(f"extended description: {extended}")
-    frame.answer(json, document, *_lines(result, whose))
+    frame.answer(json, found.document(), *_lines(result, whose))
 
 
 def _sounds(files: Sequence[Path]) -> list[Recording]:
     return [replace(_read(one, read_sound), name=one.name) for one in files]
 
 
-def _measured(telemetry: Sequence[Path], channels: Path | None) -> list[Telemetry]:
-    map_ = None if channels is None else _read(channels, lambda path: text_of(path.read_bytes()))
-    return [_read(one, partial(read_telemetry, channels=map_)) for one in telemetry]
+def _measured(telemetry: Sequence[Path], channels: Path | None) -> list[tuple[str, Telemetry]]:
+    """Telemetry with what it is called: file names, or whole paths where those are alike."""
+    read = partial(read_telemetry, channels=_text_of(channels))
+    alike = len({path.name for path in telemetry}) < len(telemetry)
+    return [(str(path) if alike else path.name, _read(path, read)) for path in telemetry]
+
+
+def _text_of(channels: Path | None) -> str | None:
+    return None if channels is None else _read(channels, lambda path: text_of(path.read_bytes()))
+
+
+def _together(found: Together) -> tuple[Investigation, list[str]]:
+    return found.combined, [f"{part.recording.name}: " for part in found.parts for _ in part.gain]
+
+
+def _report(found: Investigation | Together | RobotInvestigation, files: Sequence[str], to: Path | None) -> None:
+    if to is not None:
+        to.write_text(reported(found, files)[1], encoding="utf-8")
+        frame.say(f"report: {to}")
 
 
 def _of_robot(
@@ -144,17 +144,13 @@ def _of_robot(
     """Investigate all joints of a robot."""
     from sim.robot.investigation import investigate_robot
     from sim.robot.motion import read_log
-    from sim.robot.report import lines, parts_of_robot, robot_story
+    from sim.robot.report import lines
     from sim.robot.robot import read_robot
 
-    described = read_robot(robot)
-    map_ = None if channels is None else _read(channels, lambda path: text_of(path.read_bytes()))
+    described, map_ = read_robot(robot), _text_of(channels)
     logs = [_read(path, lambda one: read_log(described, one, map_)) for path in telemetry]
     result = _watched(lambda watch: investigate_robot(described, logs, watch))
-    if report is not None:
-        document = {**result.document(), "story": robot_story(result)}
-        report.write_text(investigation_report(document, None, (), parts_of_robot(result)), encoding="utf-8")
-        frame.say(f"report: {report}")
+    _report(result, (), report)
     frame.answer(json, result.document(), *lines(result))
 
 
@@ -164,18 +160,6 @@ def _read(path: Path, read: Callable[[Path], Read]) -> Read:
         return read(path)
     except SignalError as error:
         raise type(error)(f"{path}: {error}") from error
-
-
-def _taken(
-    telemetry: Sequence[Path], measured: Sequence[Telemetry], sound: Sequence[Path], heard: Sequence[Recording]
-) -> list[NamedRecording]:
-    """Recordings with what they are called: file names, or whole paths where those are alike."""
-    alike = len({path.name for path in telemetry}) < len(telemetry)
-    names = [str(path) if alike else path.name for path in telemetry]
-    taken = [NamedRecording(name, one) for name, one in zip(names, measured, strict=True)]
-    for place, (path, one) in enumerate(zip(sound, heard, strict=True)):
-        taken[place] = replace(taken[place], sound=one, sound_name=path.name)
-    return taken
 
 
 def _watched(work: Callable[[Progress], Done]) -> Done:

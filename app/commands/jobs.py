@@ -21,8 +21,7 @@ from app.commands import DONE, FAILURE, frame
 from app.commands.frame import Json
 from app.jobs.job import Job
 from app.jobs.jobs import job_kinds, open_jobs
-from app.logs import configure_logs
-from app.process import leave, stop_on_signals
+from app.logs import configure_logs, leave, stop_on_signals
 from app.settings import Settings
 from app.storage_faults import is_passing
 

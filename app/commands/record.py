@@ -9,10 +9,9 @@ import typer
 
 from app.commands import BAD_INPUT, DONE, frame
 from app.commands.frame import Channel, Gearbox, NamedAxis, Payload, Speed, Steady
-from app.process import stop_on_signals
+from app.logs import stop_on_signals
 from app.recordings import microphone
-from app.recordings.intake import read_sound
-from app.recordings.metadata import RecordingMetadata
+from app.recordings.intake import RecordingMetadata, read_sound
 from app.recordings.remote import RefusedError, Remote, UnreachableError
 from app.recordings.watch_folder import MEMORY, SETTLED_S, Memory, Sent, WatchFolder
 from app.report.words import verdict_of

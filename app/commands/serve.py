@@ -15,9 +15,8 @@ from app.commands.jobs import LogFolder, worker_child
 from app.http.connections import BACKLOG, Wants, protocol_of
 from app.http.keys import Role, create_key, list_keys
 from app.http.middleware import Metrics
-from app.logs import configure_logs
+from app.logs import configure_logs, leave
 from app.main import create_app
-from app.process import leave
 from app.service import Service
 from casebase.errors import DamagedError
 from casebase.store.integrity import RESTORE, cut_logs, faults_of

@@ -4,6 +4,7 @@ import asyncio
 import re
 import secrets
 import time
+from dataclasses import dataclass
 
 import structlog
 from prometheus_client import CollectorRegistry, Counter, Histogram, PlatformCollector, ProcessCollector
@@ -65,12 +66,12 @@ SECURITY_HEADERS = {
 }
 
 
+@dataclass(eq=False)
 class RequestRecord:
     """Gives the request its id, and writes one log entry and the metrics when it has been answered."""
 
-    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
-        self.app = app
-        self.metrics = metrics
+    app: ASGIApp
+    metrics: Metrics
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -121,11 +122,11 @@ class RequestRecord:
         )
 
 
+@dataclass(eq=False)
 class SecurityHeaders:
     """Adds the headers that keep browsers strict; a route may set its own."""
 
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
+    app: ASGIApp
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def send_with_headers(message: Message) -> None:
@@ -140,14 +141,14 @@ class SecurityHeaders:
         await self.app(scope, receive, send_with_headers)
 
 
+@dataclass(eq=False)
 class HeadIsGet:
     """Answers HEAD wherever GET is answered: the same checks, status and headers, and no body.
 
     An answer that would be streamed is broken off once its headers are known.
     """
 
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
+    app: ASGIApp
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http" or scope["method"] != "HEAD":
@@ -182,6 +183,7 @@ class HeadIsGet:
             scope["route"] = as_get.get("route")
 
 
+@dataclass(eq=False)
 class CloseUnread:
     """Closes the connection of a request that was answered before its body had been read whole.
 
@@ -189,11 +191,11 @@ class CloseUnread:
     connection that is closed at once may take the answer with it.
     """
 
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
+    app: ASGIApp
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or not _has_body(Headers(scope=scope)):
+        headers = Headers(scope=scope) if scope["type"] == "http" else Headers()
+        if "transfer-encoding" not in headers and headers.get("content-length", "0") == "0":
             await self.app(scope, receive, send)
             return
         unread, closing, answered = True, False, False
@@ -218,10 +220,6 @@ class CloseUnread:
         if answered:
             await _drop(receive)
             await send({"type": "http.response.body", "body": b""})
-
-
-def _has_body(headers: Headers) -> bool:
-    return "transfer-encoding" in headers or headers.get("content-length", "0") != "0"
 
 
 async def _drop(receive: Receive) -> None:

@@ -47,13 +47,13 @@ class BodyLimits:
     kind: str
 
 
+@dataclass(eq=False)
 class RequestLimits:
     """Asks a route's guards, and gives the route a body that ends in 413 where it is too large and in 408 where it is
     too slow."""
 
-    def __init__(self, app: ASGIApp, settings: Settings) -> None:
-        self.app = app
-        self.settings = settings
+    app: ASGIApp
+    settings: Settings
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":

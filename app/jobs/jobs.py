@@ -13,6 +13,7 @@ from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from typing import cast
 from weakref import WeakValueDictionary
@@ -232,7 +233,8 @@ class JobFeed:
         while True:
             async with topic.reading:
                 if loop.time() - topic.read_at >= POLL_S:
-                    found, topic.over = await loop.run_in_executor(self._reader, self._news, job_id, topic)
+                    news = partial(self._jobs.news, job_id, after=len(topic.events) - 1)
+                    found, topic.over = await loop.run_in_executor(self._reader, news)
                     topic.events += found
                     topic.read_at = loop.time()
             for event in topic.events[number:]:
@@ -248,6 +250,3 @@ class JobFeed:
     def close(self) -> None:
         """Read no more."""
         self._reader.shutdown(wait=False, cancel_futures=True)
-
-    def _news(self, job_id: str, topic: Topic) -> tuple[Sequence[JobEvent], bool]:
-        return self._jobs.news(job_id, after=len(topic.events) - 1)

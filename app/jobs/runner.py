@@ -55,7 +55,7 @@ def run_worker(
 ) -> bool:
     """Work until `stop` is set, or until process `parent` has gone; then give back what is not finished.
 
-    Threads may be left that are still at a task: end the process (`app.process.leave`).
+    Threads may be left that are still at a task: end the process (`app.logs.leave`).
 
     Args:
         library: the one that the kinds write into; it writes nothing more once the lease has ended.
@@ -214,7 +214,8 @@ class Worker:
                     job.state, job.started_at = "running", now()
                     job.started_fraction = float(str(job.progress.get("fraction", 0.0)))
                 job.worker = self.lease
-                done = [] if step.step != "finish" else session.scalars(_tasks(job.id).order_by(JobStep.number)).all()
+                tasks = select(JobStep).where(JobStep.job_id == job.id, JobStep.step == "task")
+                done = [] if step.step != "finish" else session.scalars(tasks.order_by(JobStep.number)).all()
                 parameters: Any = step.parameters if step.step == "task" else job.parameters
                 results = [each.result for each in done]
                 claim = Claim((job.id, step.number), step.step, self.kinds[job.kind], parameters, results)
@@ -292,10 +293,6 @@ class Worker:
                 progress = _note(session, job, claim.kind.stage)
                 if progress.done == progress.total:
                     session.add(JobStep(job_id=job.id, number=progress.total, step="finish"))
-
-
-def _tasks(job_id: str) -> Any:
-    return select(JobStep).where(JobStep.job_id == job_id, JobStep.step == "task")
 
 
 def _note(session: Session, job: StoredJob, stage: str) -> Progress:

@@ -153,7 +153,10 @@ def _nearest(
     elif not np.isfinite(values[weights > 0]).any():
         remarks.append("the recording has none of the features that are to be compared")
     elif not where.any():
-        remarks.append(f"no case fits what is asked for; the library has {_told(table)}")
+        remarks.append(
+            f"no case fits what is asked for; the library has the labels {_some(table.classes)}, the axes "
+            f"{_some(table.axes)} and the gearboxes {_some(table.gearboxes)}"
+        )
     else:
         matches = library.retrieve.matrix(session, weights).search(values, query.k, where=where)
     levels = [name for name in counting if prior_of(name)[1] == LEVEL]
@@ -183,10 +186,6 @@ def _wanted(table: CaseTable, query: NeighbourQuery) -> Mask:
         if only is not None:
             where &= np.isin(column, only)
     return where
-
-
-def _told(table: CaseTable) -> str:
-    return f"the labels {_some(table.classes)}, the axes {_some(table.axes)} and the gearboxes {_some(table.gearboxes)}"
 
 
 def _some(words: Iterable[str]) -> str:

@@ -15,8 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 from app.http.errors import Forbidden, Unprocessable
 from app.http.security import Principal, Role
 from app.http.uploads import Upload
-from app.recordings.intake import Intake, take_in
-from app.recordings.metadata import RecordingMetadata, read_metadata
+from app.recordings.intake import Intake, RecordingMetadata, read_metadata, take_in
 from app.report.words import NAMES, name_of
 from app.service import Service, TheService
 from casebase.labels import GEAR_DAMAGE

@@ -88,11 +88,11 @@ def visitor(request: Request) -> Principal | None:
 Visitor = Annotated[Principal | None, Depends(visitor)]
 
 
+@dataclass(frozen=True)
 class PageRequires(Guard):
     """Dependency of a page: somebody with at least this role, or the sign-in page."""
 
-    def __init__(self, role: Role) -> None:
-        self.role = role
+    role: Role
 
     def __call__(self, request: Request) -> Principal:
         return self.admit(request)
@@ -254,11 +254,11 @@ def newest(session: Session, most: int, *where: ColumnElement[bool]) -> list[Hea
     return headlined(session, session.scalars(statement).all())
 
 
+@dataclass(eq=False)
 class PageErrors:
     """Turns problem+json into a page for requests of a browser outside /api."""
 
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
+    app: ASGIApp
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http" or not _wants_page(scope):

@@ -13,8 +13,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from app.http.keys import Role, create_key
-from app.recordings.intake import take_in
-from app.recordings.metadata import RecordingMetadata
+from app.recordings.intake import RecordingMetadata, take_in
 from app.service import Service
 from benchmarks.harness.sounds import sound
 from casebase.alarms import outbox

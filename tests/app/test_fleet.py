@@ -146,7 +146,7 @@ def test_what_changed_at_once_is_asked_and_each_answer_is_one_click(service: Ins
 def test_a_large_fleet_is_read_page_by_page_and_state_by_state(service: Inside) -> None:
     whole = rows(service.browse("GET", "/fleet").text)
     good = [row for row in whole if row[0] == "Good"]
-    with patch("app.web.pages.fleet.SHOWN", 2):
+    with patch("app.web.pages.axes.SHOWN", 2):
         first = service.browse("GET", "/fleet").text
         assert rows(first) == whole[:2]
         assert f"1 to 2 of {len(whole)}." in first

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.recordings.intake import take_in
-from app.recordings.metadata import RecordingMetadata
+from app.recordings.intake import RecordingMetadata, take_in
 from benchmarks.bombs.bodies import AXIS, BIG, BODIES, ODD, PARTS, places, table, with_value
 from benchmarks.harness.inside import Inside, ListedJobs, inside
 from benchmarks.harness.sounds import sound

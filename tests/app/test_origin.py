@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 import soundfile
 
-from app.recordings.intake import take_in
-from app.recordings.metadata import RecordingMetadata
+from app.recordings.intake import RecordingMetadata, take_in
 from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.live import gearcase
 from benchmarks.harness.sounds import sound, wav

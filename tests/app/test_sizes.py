@@ -10,8 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from app.documents import CaseChange
-from app.recordings.intake import take_in
-from app.recordings.metadata import CaseMetadata
+from app.recordings.intake import CaseMetadata, take_in
 from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.live import gearcase
 from benchmarks.harness.sounds import hum, sound, wav

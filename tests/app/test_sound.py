@@ -8,8 +8,7 @@ import httpx
 import numpy as np
 import pytest
 
-from app.recordings.intake import media_type_of, take_in
-from app.recordings.metadata import RecordingMetadata
+from app.recordings.intake import RecordingMetadata, media_type_of, take_in
 from app.settings import settings_of
 from benchmarks.encoded_sounds import RATE, chunk, encode, fmt, noise, pcm, riff
 from casebase.library import CaseLibrary

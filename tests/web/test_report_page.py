@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, Route
 
+from app.http.headers import self_contained
 from app.report.investigation_report import investigation_report
-from app.report.self_contained import self_contained
 from benchmarks.harness.telemetry_of import one_body, swing
 from sim.description.axis_document import read_axis
 from sim.investigation.investigate import investigate

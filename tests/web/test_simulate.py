@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import expect
 from sqlalchemy import func, select
 
-from app.web.simulator import moved, simulate, sliders
+from app.web.pages.simulate import moved, simulate, sliders
 from benchmarks.harness.inside import Inside, inside
 from benchmarks.harness.site import AXIS, Site, browsing
 from casebase.store.models import Base

@@ -9,14 +9,14 @@ from fastapi import APIRouter, Form, Request
 from fastapi.responses import Response
 from sqlalchemy import select
 
+from app.api.steps import told as told_step
 from app.http.errors import Forbidden, Unprocessable
+from app.http.headers import self_contained
 from app.http.security import Principal, ReadingLimit, Role, check_csrf
 from app.http.uploads import TheUpload
 from app.investigations import investigations_from
-from app.recordings.metadata import RecordingMetadata
+from app.recordings.intake import RecordingMetadata
 from app.report.diagnosis_view import diagnosis_html, view_of
-from app.report.self_contained import self_contained
-from app.report.steps import told as told_step
 from app.report.words import (
     VERDICTS,
     how_sure,

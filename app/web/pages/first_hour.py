@@ -8,14 +8,14 @@ from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import Response
 
 from app.api.jobs import SimulationRequest, campaign_of
+from app.api.steps import told as told_step
 from app.axes import TEMPLATES, check_known
 from app.background_cache import Pending
 from app.http.errors import Unprocessable
 from app.http.security import check_csrf
 from app.http.uploads import TheUpload
-from app.recordings.metadata import RecordingMetadata
+from app.recordings.intake import RecordingMetadata
 from app.report.disturbed import Flag, flags_of
-from app.report.steps import told as told_step
 from app.report.words import verdict_of
 from app.service import Reading, Service, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION

@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 
 from app.api.recordings import UNCHANGING
 from app.http.errors import NotFound, Unprocessable
+from app.http.headers import self_contained
 from app.http.security import Principal, check_csrf
 from app.http.uploads import TheUpload, Upload
 from app.investigation_request import asked_of, axis_of
@@ -27,7 +28,6 @@ from app.investigations import (
 )
 from app.report.formatting import ENVIRONMENT, instant, style_sheet
 from app.report.investigation_report import Part, Shown, box_shown, joints_of, of_robot, panels_of
-from app.report.self_contained import self_contained
 from app.report.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
 from app.service import Reading, TheJobs, TheService
 from app.web.log_preview import log_preview, sound_preview

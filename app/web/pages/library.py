@@ -1,20 +1,28 @@
-"""The library: cases in a table, coverage, one case with its history, several edited together."""
+"""The library: cases in a table, coverage, one case with its history, several edited together; plots and sound.
 
+The recording of the demonstration is open to anybody.
+"""
+
+import re
 from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, Literal
 
-from fastapi import APIRouter, Form, Request
-from fastapi.responses import Response
+from fastapi import APIRouter, Form, Header, Query, Request
+from fastapi.responses import JSONResponse, RedirectResponse, Response
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 
+from app.api import recordings as api
+from app.api.steps import told as told_step
 from app.background_cache import Pending
 from app.http.errors import Conflict, Unprocessable
-from app.http.security import ReadingLimit, check_csrf
+from app.http.security import ReadingLimit, Role, check_csrf
 from app.http.uploads import TheUpload
-from app.recordings.metadata import CaseMetadata
+from app.recordings import views
+from app.recordings.intake import CaseMetadata
+from app.report import charts
 from app.report.formatting import sentence
-from app.report.recorded import chart_of, features_of
-from app.report.steps import told as told_step
+from app.report.recorded import PlotName, chart_of, features_of, spectrogram_png
 from app.service import Reading, Service, TheService
 from app.web.first_hour import axis_cases
 from app.web.forms import (
@@ -30,12 +38,28 @@ from app.web.forms import (
     taken_in,
     told,
 )
-from app.web.page import FromOurPage, Message, PageAdmin, PageViewer, lead, of_library, render, waiting_page
+from app.web.page import (
+    FromOurPage,
+    Message,
+    PageAdmin,
+    PageViewer,
+    SignInNeeded,
+    Visitor,
+    below_root,
+    demo_ids,
+    lead,
+    of_library,
+    render,
+    root_of,
+    waiting_page,
+)
 from casebase.axes import find_axis, is_axis, unknown_axis
+from casebase.errors import NotFoundError
 from casebase.reasoning.evaluation import Evaluation
 from casebase.search.axis_cases import LabelCases
 from casebase.search.case_filter import CaseFilter
 from casebase.steps import last_step, newest_of, step_name
+from casebase.store import erasing
 from casebase.store.models import Case
 from casebase.teaching import Teaching, teaching
 from signals.features import catalogue
@@ -249,3 +273,93 @@ def case(request: Request, session: Reading, service: TheService, principal: Pag
     said = {"kept": KEPT, "undone": "Taken back: all is as it was before."}
     notices = tuple(Message(words) for name, words in said.items() if request.query_params.get(name))
     return render(request, "case.html", context, principal=principal, section=SECTION, messages=notices)
+
+
+recordings = APIRouter(prefix="/recordings/{recording_id}")
+demonstration = APIRouter()
+PAGE_OF_OURS = re.compile(r"/(cases|diagnoses)/[0-9a-f]{32}")
+
+
+def allowed(session: Session, principal: Visitor, request: Request, recording_id: str) -> None:
+    """Let viewers see everything and anybody the demonstration.
+
+    Raises:
+        SignInNeeded: otherwise.
+    """
+    if principal is not None and principal.role.may(Role.VIEWER):
+        return
+    demo = demo_ids(session)
+    if demo is None or demo[1] != recording_id:
+        raise SignInNeeded(below_root(request))
+
+
+@demonstration.get("/demonstration.wav")
+def demonstration_wav(session: Reading, service: TheService, _: Visitor) -> Response:
+    """The recording of the demonstration, under a name that examples can use."""
+    demo = demo_ids(session)
+    if demo is None:
+        raise NotFoundError("this library has no demonstration; `gearcase starter` makes one")
+    return RedirectResponse(f"{root_of(service)}/recordings/{demo[1]}/sound", status_code=302)
+
+
+@recordings.get("/plots/{name}", dependencies=[ReadingLimit])
+def plot(
+    request: Request,
+    session: Reading,
+    service: TheService,
+    principal: Visitor,
+    recording_id: str,
+    name: PlotName,
+    points: Annotated[int, Query(ge=100, le=400_000)] = charts.SHOWN_POINTS,
+) -> Response:
+    """Numbers of one plot, for the interactive drawing."""
+    allowed(session, principal, request, recording_id)
+    row = service.library.retrieve.recording(session, recording_id)
+    return JSONResponse(chart_of(name, session, service, row, points).document(), headers=api.UNTIL_ERASED)
+
+
+@recordings.get("/sound")
+def sound(
+    request: Request,
+    session: Reading,
+    service: TheService,
+    principal: Visitor,
+    recording_id: str,
+    byte_range: Annotated[str | None, Header(alias="Range", max_length=100)] = None,
+) -> Response:
+    """The sound, whole or one range of it."""
+    allowed(session, principal, request, recording_id)
+    return api.file_answer(service, service.library.retrieve.recording(session, recording_id), byte_range, None)
+
+
+@recordings.post("/erase", dependencies=[FromOurPage])
+def erase(
+    service: TheService,
+    principal: PageAdmin,
+    recording_id: str,
+    sure: Annotated[Literal["yes"], Form()],
+    back: Annotated[str, Form()],
+) -> Response:
+    """Erase the audio and lead back to the page of the case or diagnosis that asked for it."""
+    if not PAGE_OF_OURS.fullmatch(back):
+        raise Unprocessable("The form must say which page to go back to: /cases/ID or /diagnoses/ID.")
+    with service.library.transaction(principal.actor) as session:
+        erasing.erase(service.library, session, recording_id)
+    views.forget()
+    return lead(service, back)
+
+
+@recordings.get("/spectrogram.png", dependencies=[ReadingLimit])
+def spectrogram(
+    request: Request,
+    session: Reading,
+    service: TheService,
+    principal: Visitor,
+    recording_id: str,
+    theme: Literal["light", "dark"] = "light",
+) -> Response:
+    """The spectrogram, drawn here because browsers resample sound."""
+    allowed(session, principal, request, recording_id)
+    row = service.library.retrieve.recording(session, recording_id)
+    image = spectrogram_png(service, row, dark=theme == "dark")
+    return Response(image, headers=api.UNTIL_ERASED, media_type="image/png")

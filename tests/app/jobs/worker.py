@@ -7,7 +7,7 @@ from pathlib import Path
 
 from app.jobs.job import JobKind, Json, Report
 from app.jobs.runner import run_worker
-from app.process import leave, stop_on_signals
+from app.logs import leave, stop_on_signals
 from casebase.library import CaseLibrary
 
 
