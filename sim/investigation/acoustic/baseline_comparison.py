@@ -72,16 +72,16 @@ class Grown:
     teeth_as_new: bool
 
 
-def hindrance_of_teeth(axis: Axis, course: Course, as_new: Sequence[Course]) -> str | None:
+def mesh_hindrance(axis: Axis, course: Course, as_new: Sequence[Course]) -> str | None:
     """Why errors of teeth cannot be compared; None where they can, with one recording as new at least."""
     if as_new and not mesh_orders(axis):
         return "the description gives no tooth numbers"
-    return _all_of([_hindrance_of_lines(course, one) for one in as_new])
+    return _all_of([_line_hindrance(course, one) for one in as_new])
 
 
-def hindrance_of_ringing(course: Course, as_new: Sequence[Course]) -> str | None:
+def resonance_hindrance(course: Course, as_new: Sequence[Course]) -> str | None:
     """Why resonances cannot be compared; None where they can, with one recording as new at least."""
-    return _all_of([_hindrance_of_pitches(course, one) for one in as_new])
+    return _all_of([_resonance_hindrance(course, one) for one in as_new])
 
 
 def grown(axis: Axis, courses: Sequence[Course], as_new: Sequence[Course]) -> Grown:
@@ -99,7 +99,7 @@ def growth_curves(course: Course, as_new: Sequence[Course]) -> tuple[Array, tupl
 
     Over the first recording as new that can be compared, without lines of teeth, as in the search.
     """
-    first = next((one for one in as_new if not _hindrance_of_pitches(course, one)), None)
+    first = next((one for one in as_new if not _resonance_hindrance(course, one)), None)
     if first is None:
         return cells(), ()
     of_teeth = _of_teeth((course, first))
@@ -128,7 +128,7 @@ def _matched(course: Course, other: Course) -> list[Cruise]:
     return [c for c in _heard_cruises(course) if (np.abs(speeds / _speed(c) - 1.0) <= DESCRIBED_WITHIN).any()]
 
 
-def _hindrance_of_lines(course: Course, as_new: Course) -> str | None:
+def _line_hindrance(course: Course, as_new: Course) -> str | None:
     own, before = ([_speed(c) for c in _heard_cruises(one)] for one in (course, as_new))
     for speeds, where in ((own, ""), (before, " as new")):
         if not speeds:
@@ -141,7 +141,7 @@ def _hindrance_of_lines(course: Course, as_new: Course) -> str | None:
     )
 
 
-def _hindrance_of_pitches(course: Course, as_new: Course) -> str | None:
+def _resonance_hindrance(course: Course, as_new: Course) -> str | None:
     for one, where in ((course, ""), (as_new, "as new ")):
         if one.moving is None:
             return f"{where}{NO_STANDSTILL}"
@@ -163,9 +163,9 @@ def _growths(axis: Axis, course: Course, as_new: Sequence[Course]) -> tuple[Grow
 
     Over the recording as new that shows the least growth.
     """
-    compared = [one for one in as_new if mesh_orders(axis) and _hindrance_of_lines(course, one) is None]
+    compared = [one for one in as_new if mesh_orders(axis) and _line_hindrance(course, one) is None]
     teeth = _smallest(lambda one: _teeth_of(axis, course, one, math.nan), compared)
-    audible = [one for one in as_new if _hindrance_of_pitches(course, one) is None]
+    audible = [one for one in as_new if _resonance_hindrance(course, one) is None]
     ringing = _smallest(lambda one: _ringing_of(course, one), audible)
     if teeth is not None and ringing is not None:
         ringing = replace(ringing, score=ringing.score - max(0.0, teeth.score - TEETH_TAIL.start))

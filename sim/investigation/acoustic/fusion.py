@@ -10,8 +10,8 @@ from sim.description.axis import Axis
 from sim.investigation.acoustic.baseline_comparison import (
     Grown,
     grown,
-    hindrance_of_ringing,
-    hindrance_of_teeth,
+    mesh_hindrance,
+    resonance_hindrance,
 )
 from sim.investigation.acoustic.bearing import bearing_hindrance
 from sim.investigation.acoustic.evidence import AcousticFinding, AcousticResult, log_ratio, probability
@@ -142,8 +142,8 @@ def _hindrances(axis: Axis, course: Course, as_new: Sequence[Course]) -> dict[st
         ToothDamage.name: of_gear,
         Backlash.name: of_gear,
         BearingDefect.name: bearing_hindrance(axis, course),
-        MeshError.name: hindrance_of_teeth(axis, course, as_new) if axis.stages else NO_GEAR,
-        StructuralResonance.name: hindrance_of_ringing(course, as_new),
+        MeshError.name: mesh_hindrance(axis, course, as_new) if axis.stages else NO_GEAR,
+        StructuralResonance.name: resonance_hindrance(course, as_new),
     }
     told = {name: reason for name, reason in of_machine.items() if reason is not None}
     return {**recording_hindrances(course), **told}
@@ -163,7 +163,7 @@ COMPARE = (
 )
 
 
-def sound_beside_telemetry(
+def sound_with_telemetry(
     axis: Axis, sound: Recording, measurement: Measurement | None, offset_s: float
 ) -> tuple[tuple[AcousticFinding, ...], Unexplained | None]:
     """Findings of one recording, and what is left of it; with telemetry, speed and reversals are the measured ones."""
@@ -187,7 +187,7 @@ def sound_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Record
     names = names_of(sounds)
     courses, before = (tuple(course_of(axis, one, None, 0.0) for one in group) for group in (sounds, as_new))
     machine = [*tooth_and_play(axis, courses, before), *bearing_defect(axis, courses)]
-    machine, told = _told_by_growth(machine, grown(axis, courses, before))
+    machine, told = _explained_by_growth(machine, grown(axis, courses, before))
     found = [h for h in (*machine, *_faults(courses)) if h.probability >= REPORTED]
     rejected = tuple((h.mechanism, h.probability) for h in machine if h.probability < REPORTED)
     within = reach(axis, courses, before)
@@ -225,7 +225,9 @@ def discounted(heard: AcousticFinding, left: Unexplained | None) -> AcousticFind
     return replace(heard, probability=min(heard.probability, WEAK))
 
 
-def _told_by_growth(machine: Sequence[AcousticFinding], growth: Grown) -> tuple[list[AcousticFinding], tuple[str, ...]]:
+def _explained_by_growth(
+    machine: Sequence[AcousticFinding], growth: Grown
+) -> tuple[list[AcousticFinding], tuple[str, ...]]:
     """Teeth that have all grown louder make impacts of their own; where none have, impacts are none of theirs.
 
     What was heard of impacts is then said with the teeth that err: sound does not tell one from the other.

@@ -12,8 +12,7 @@ from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.investigation.data.data_fault import InvestigationError
 from sim.investigation.data.excitation import errors_over, lacking
-from sim.investigation.data.preprocessing import LEAST_ROWS, Measurement
-from sim.investigation.data.rigid_body import one_body
+from sim.investigation.data.preprocessing import LEAST_ROWS, Measurement, one_body
 from sim.investigation.data.sample_defects import Rows
 from sim.mechanisms.mechanism import Need
 
@@ -66,7 +65,7 @@ class Seen:
         top = float(np.abs(m.speed).max())
         torque = _of_drive(axis, m)
         (inertia, coulomb, viscous, _), beyond = one_body(torque, m.slow_acceleration, m.speed, used)
-        others = [one_body(torque, m.slow_acceleration, m.speed, used, laws)[0][0] for laws in _beside(axis, m)]
+        others = [one_body(torque, m.slow_acceleration, m.speed, used, laws)[0][0] for laws in _other_laws(axis, m)]
         others.append(one_body(np.roll(torque, -LATE_ROWS), m.slow_acceleration, m.speed, used)[0][0])
         body = _range([inertia, *others]) if Need.SEVERAL_SPEEDS not in lacking(m) else None
         largest = float(np.quantile(np.abs(m.torque[used]), 0.999))
@@ -79,7 +78,9 @@ class Seen:
         columns = np.stack([np.gradient(m.slow_load_speed)[load] * m.rate_hz, np.ones(twist.size)], 1)
         yields = np.linalg.lstsq(columns, twist, rcond=None)[0]
         way = np.sign(m.speed)[load]
-        laws = [np.stack([*columns.T, way, *(law[load] for law in beside)], 1) for beside in ((), *_beside(axis, m))]
+        laws = [
+            np.stack([*columns.T, way, *(law[load] for law in beside)], 1) for beside in ((), *_other_laws(axis, m))
+        ]
         soft = _range([yields[0], *(float(np.linalg.lstsq(c, twist, rcond=None)[0][0]) for c in laws)])
         errors = errors_over(m.slow_load_angle[load])
         erring = np.linalg.lstsq(np.stack([*columns.T, *errors], axis=1), twist, rcond=None)[0][0]
@@ -93,7 +94,7 @@ def _range(values: Iterable[float]) -> tuple[float, float]:
     return min(values), max(values)
 
 
-def _beside(axis: Axis, m: Measurement) -> list[list[Array]]:
+def _other_laws(axis: Axis, m: Measurement) -> list[list[Array]]:
     """What else may explain a torque that goes with the acceleration: weight of the load, where it turns far enough."""
     known = [] if m.known_torque is None else [m.known_torque]
     laws = known + _weight(axis, m)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_opening, minimum_filter1d
+from scipy.ndimage import binary_opening, label, maximum, minimum_filter1d, uniform_filter1d
 from scipy.signal import fftconvolve, upfirdn
 
 Array = NDArray[np.float64]
@@ -328,3 +329,41 @@ def _trusted(valid: Array, margin: int, least: int) -> Array:
         reach = min(margin, least + REACH * int(end - first))
         out[max(first - reach, 0) : end + reach] = 0.0
     return out[margin : valid.size - margin]
+
+
+def one_body(
+    torque: Array,
+    acceleration: Array,
+    speed: Array,
+    used: NDArray[np.bool_] | slice = slice(None),
+    beside: Sequence[Array] = (),
+) -> tuple[Array, Array]:
+    """Inertia, dry and viscous friction and offset by least squares over `used`, shape (4 + k,), and the torque beyond.
+
+    [kg m2], [N m], [N m s/rad], [N m]; the torque that one body does not need is of all rows [N m], shape (n,).
+    `beside`: k other laws of the torque, each of shape (n,).
+    """
+    columns = np.stack([acceleration, np.sign(speed), speed, np.ones(speed.size), *beside], 1)
+    scale = np.abs(columns).max(axis=0) + 1e-300
+    found = np.linalg.lstsq(columns[used] / scale, torque[used], rcond=None)[0] / scale
+    return found, torque - columns @ found
+
+
+KICK = 0.01  # of a step, by which all numbers are moved to see where
+MOST_BENT = 0.01  # noise deviations by which twice the kick may do other than twice as much: a step, one
+LEAST_BENT = 0.002  # the same where such a spell begins and ends
+FELT_S = 0.05  # on either side of a row, over which that is asked
+FEWEST_PREDICTABLE = 1.0 / 3.0  # of all rows; fewer say less than what is rough
+
+
+def linear_rows(kicked: Sequence[Array], rate_hz: float) -> Array:
+    """1 where twice the kick does twice as much, else 0, shape (n,); all 1 where hardly any row would be left.
+
+    `kicked`: whitened residuals (n,) without a kick, with one and with two.
+    """
+    bent = kicked[0] - 2.0 * kicked[1] + kicked[2]
+    rough = uniform_filter1d(bent**2, 2 * int(FELT_S * rate_hz) + 1)
+    spells, count = label(rough > LEAST_BENT**2)
+    worst = maximum(rough, spells, np.arange(count + 1))
+    smooth = (spells == 0) | (worst[spells] < MOST_BENT**2)
+    return np.asarray(smooth, dtype=np.float64) if smooth.mean() > FEWEST_PREDICTABLE else np.ones(smooth.size)

@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation, find_objects, label, uniform_filter1d
 
 from sim.chain.model import Array
 from sim.investigation.data.data_fault import Fault
-from sim.investigation.data.rigid_body import one_body
+from sim.investigation.data.preprocessing import one_body
 from sim.investigation.data.sample_defects import (
     BEFORE_ROWS,
     QUANTA,
@@ -138,7 +138,7 @@ def _motor(r: Repaired, ratio: float, step_rad: float, irregular: Rows) -> None:
     again = alone & binary_dilation(r.lost, iterations=2)  # of the same kind as those beside them
     r.lost |= again
     alone &= ~again
-    wrong = (alone | _held_back(angle, step_rad)) & ~r.lost
+    wrong = (alone | _stuck_encoder(angle, step_rad)) & ~r.lost
     _name_lost(r, wrong, "motor", "motor_position_rad")
     r.lost |= wrong
     angle = bridged(angle, ~r.lost)
@@ -161,7 +161,7 @@ def _motor(r: Repaired, ratio: float, step_rad: float, irregular: Rows) -> None:
     r.channels["angle"] = bridged(_put_back(r, angle, real, "motor", "motor_position_rad"), ~r.lost)
 
 
-def _held_back(angle: Array, step_rad: float) -> Rows:
+def _stuck_encoder(angle: Array, step_rad: float) -> Rows:
     """Rows in which the encoder stays, up to a step by far more than any around: the way that was not shown, by a motor
     that moved on as before.
 

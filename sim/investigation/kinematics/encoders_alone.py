@@ -47,7 +47,7 @@ STANDS = 0.1  # of a way, within which something stands, and lost motion at its 
 
 
 @dataclass(frozen=True)
-class HeldPosition:
+class RestPosition:
     """Where the load stayed [rad], and for how many rows."""
 
     angle: float
@@ -82,26 +82,26 @@ def pull_test(time_s: Array, motor: Array, load: Array) -> PullTest | None:
     return PullTest(tuple(pulled), tuple(let_go)) if pulled else None
 
 
-def _turns(three: Sequence[HeldPosition]) -> bool:
+def _turns(three: Sequence[RestPosition]) -> bool:
     """Whether the middle one is the furthest of three."""
     before, here, after = (place.angle for place in three)
     return (here - before) * (here - after) > 0.0
 
 
-def _longest(places: Sequence[HeldPosition]) -> HeldPosition:
+def _longest(places: Sequence[RestPosition]) -> RestPosition:
     return max(places, key=lambda place: place.rows)
 
 
-def _places(load: Array, rest: int) -> list[HeldPosition]:
+def _places(load: Array, rest: int) -> list[RestPosition]:
     """Where the load stays for at least `rest` rows, one after the other."""
     stands = STANDS * float(np.ptp(load))
-    out: list[HeldPosition] = []
+    out: list[RestPosition] = []
     for first, end in _runs(load, stands):
         if end - first < rest:
             continue
-        here = HeldPosition(float(np.median(load[first:end])), end - first)
+        here = RestPosition(float(np.median(load[first:end])), end - first)
         if out and abs(out[-1].angle - here.angle) <= stands:
-            here = HeldPosition(out[-1].angle if out[-1].rows > here.rows else here.angle, out.pop().rows + here.rows)
+            here = RestPosition(out[-1].angle if out[-1].rows > here.rows else here.angle, out.pop().rows + here.rows)
         out.append(here)
     return out
 
