@@ -277,16 +277,14 @@ def add_robot(
 def investigations(library: CaseLibrary) -> JobKind:
     """The job kind, for one library."""
 
-    def plan(parameters: dict[str, Json]) -> list[dict[str, Json]]:
-        return [parameters]
-
-    def run(task: dict[str, Json], report: Report) -> Json:
-        return perform(library, str(task["investigation_id"]), report)
-
-    def finish(_: dict[str, Json], results: list[Json]) -> Json:
-        return results[0]
-
-    return JobKind(KIND, "investigating", plan, run, finish, priority=1)
+    return JobKind(
+        KIND,
+        "investigating",
+        plan=lambda parameters: [parameters],
+        run=lambda task, report: perform(library, str(task["investigation_id"]), report),
+        finish=lambda _, results: results[0],
+        priority=1,
+    )
 
 
 def perform(library: CaseLibrary, investigation_id: str, report: Report) -> Json:

@@ -86,12 +86,10 @@ class Service:
 
     def review_soon(self, session: Session) -> Review | Pending:
         """What is wrong or missing in the library as it is now, or what is begun."""
-
-        def work(session: Session) -> Review:
-            return review(session, self.library.reuse.reasoner(session))
-
         state = library_version(session), EXTRACTOR_VERSION
-        return self.beside.soon(CachedQuery("review", state, None, work))
+        return self.beside.soon(
+            CachedQuery("review", state, None, lambda one: review(one, self.library.reuse.reasoner(one)))
+        )
 
     def counted(self, session: Session, name: str, count: Callable[[], Value]) -> Value:
         """Return what `count` returns, as long as the library stays at a version without counting again.

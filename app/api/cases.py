@@ -24,7 +24,7 @@ from app.documents import (
     page_of,
 )
 from app.http.errors import IfMatchRequired, Stale, validation_problem
-from app.http.headers import IfNoneMatch, Made, Once, OnlyOnce, has_already, not_modified
+from app.http.headers import IfNoneMatch, Made, Once, OnlyOnce, has_already, location, not_modified
 from app.http.security import Admin, Viewer
 from app.http.uploads import MaybeUpload, Upload, multipart_body
 from app.recordings.intake import CaseMetadata, read_metadata, take_in
@@ -126,9 +126,13 @@ def _from_diagnosis(once: Once, request: Request, body: bytes) -> Response:
 
 def _made(request: Request, case: Case, before: int) -> Made:
     """Return the case, made or as it was there already, by the library's version before."""
-    location = str(request.url_for("get_case", case_id=case.id).path)
     code = status.HTTP_201_CREATED if case.library_version > before else status.HTTP_200_OK
-    return Made(CaseAnswer.model_validate(case), location, {"ETag": etag(case)}, status=code)
+    return Made(
+        CaseAnswer.model_validate(case),
+        location(request, "get_case", case_id=case.id),
+        {"ETag": etag(case)},
+        status=code,
+    )
 
 
 @router.get("/cases/{case_id}", response_model=CaseAnswer, responses={304: {"description": "as the client has it"}})

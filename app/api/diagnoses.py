@@ -22,7 +22,7 @@ from app.documents import (
     page_of,
 )
 from app.http.errors import Unprocessable
-from app.http.headers import Made, OnlyOnce, chosen, self_contained
+from app.http.headers import Made, OnlyOnce, chosen, location, self_contained
 from app.http.security import Operator, ReadingLimit, Viewer
 from app.http.uploads import TheUpload, multipart_body
 from app.recordings.intake import RecordingMetadata, decoded, hear, read_metadata, take_in
@@ -65,8 +65,7 @@ def diagnose(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request) -
     def work(session: Session) -> Made:
         diagnosis = intake.diagnose(service.library, session)
         service.metrics.diagnoses.labels(diagnosis.verdict, diagnosis.label or "").inc()
-        location = str(request.url_for("diagnosis", diagnosis_id=diagnosis.id).path)
-        return Made(DiagnosisAnswer.of(diagnosis), location)
+        return Made(DiagnosisAnswer.of(diagnosis), location(request, "diagnosis", diagnosis_id=diagnosis.id))
 
     return once.run(work, *content)
 

@@ -10,7 +10,7 @@ from pydantic import Field, PositiveFloat
 from sqlalchemy.orm import Session
 
 from app.documents import Cursor, Limit, PageOf, Question
-from app.http.headers import Made, OnlyOnce
+from app.http.headers import Made, OnlyOnce, location
 from app.http.security import Admin, Operator
 from app.jobs.job import Job
 from app.service import Service, TheJobs, TheService
@@ -120,8 +120,7 @@ def simulate(wanted: SimulationRequest, _: Admin, once: OnlyOnce, request: Reque
 
     def work(session: Session) -> Made:
         job = once.service.jobs.order(session, KIND, campaign.to_document(), submitted_by=once.principal.actor)
-        location = str(request.url_for("get_job", job_id=job.id).path)
-        return Made(job, location, status=status.HTTP_202_ACCEPTED)
+        return Made(job, location(request, "get_job", job_id=job.id), status=status.HTTP_202_ACCEPTED)
 
     return once.run(work, wanted.model_dump(mode="json"))
 

@@ -112,7 +112,7 @@ def validation_problem(errors: Sequence[Any], what: str = "The request") -> Prob
     """422 from pydantic's list of errors: one sentence each, and the list for programs."""
     listed: list[dict[str, Any]] = [
         {
-            "location": _location(error),
+            "location": ".".join(map(str, error["loc"][:1] if error["type"] == SYNTAX else error["loc"])),
             "message": _message(error),
             "kind": error["type"],
             "given": finite(error["input"]) if isinstance(error["input"], str | int | float | None) else None,
@@ -123,11 +123,6 @@ def validation_problem(errors: Sequence[Any], what: str = "The request") -> Prob
     if len(errors) > LISTED:
         words += f"; and {len(errors) - LISTED} more"
     return Unprocessable(f"{what} is not valid: {words}", errors=listed)
-
-
-def _location(error: Any) -> str:
-    parts = error["loc"][:1] if error["type"] == SYNTAX else error["loc"]
-    return ".".join(str(part) for part in parts)
 
 
 def _message(error: Any) -> str:

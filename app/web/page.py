@@ -261,7 +261,8 @@ class PageErrors:
     app: ASGIApp
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or not _wants_page(scope):
+        accepted = Headers(scope=scope).get("accept", "") if scope["type"] == "http" else ""
+        if "text/html" not in accepted or scope["path"].startswith("/api/"):
             await self.app(scope, receive, send)
             return
         started: types.Message | None = None
@@ -280,11 +281,6 @@ class PageErrors:
                 await _error_page(scope, receive, send, body, int(started["status"]))
 
         await self.app(scope, receive, send_page)
-
-
-def _wants_page(scope: Scope) -> bool:
-    accepted = Headers(scope=scope).get("accept", "")
-    return "text/html" in accepted and not scope["path"].startswith("/api/")
 
 
 def _is_problem(message: types.Message) -> bool:
