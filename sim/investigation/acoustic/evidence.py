@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from sim.investigation.acoustic.operating_states import Course
 from sim.investigation.unexplained import Unexplained
 
+REPORTED = 0.5  # probability from which a fault is reported
 FALSE_ALARM = 0.005
 """Probability that noise alone makes a candidate [1]."""
 PRIOR_ODDS = 1.0 / 10.0

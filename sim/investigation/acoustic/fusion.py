@@ -14,13 +14,12 @@ from sim.investigation.acoustic.baseline_comparison import (
     resonance_hindrance,
 )
 from sim.investigation.acoustic.bearing import bearing_hindrance
-from sim.investigation.acoustic.evidence import AcousticFinding, AcousticResult, log_ratio, probability
+from sim.investigation.acoustic.evidence import REPORTED, AcousticFinding, AcousticResult, log_ratio, probability
 from sim.investigation.acoustic.faults import SHOWN, bearing_defect, tooth_and_play, tooth_hindrance
 from sim.investigation.acoustic.operating_states import LEAST_CRUISES, Course, course_of
 from sim.investigation.acoustic.recording_quality import recording_faults, recording_hindrances
 from sim.investigation.acoustic.residual import left_in
 from sim.investigation.data.preprocessing import Measurement
-from sim.investigation.results import REPORTED
 from sim.investigation.unexplained import Unexplained
 from sim.mechanisms import (
     MECHANISMS,

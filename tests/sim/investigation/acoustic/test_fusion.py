@@ -259,12 +259,10 @@ def with_motion(**numbers: float) -> Axis:
 
 
 @pytest.mark.parametrize("period_s", [10.0 * PERIOD_S, 2.1])
-def test_a_wrong_described_period_silences_nothing_and_is_said(period_s: float) -> None:
+def test_a_wrong_described_period_silences_nothing(period_s: float) -> None:
     sound = recording(with_impacts(running(5), passes(0.4, True)))
     result = investigate(with_motion(period_s=period_s), None, sound)
     assert result.findings == investigate(AXIS, None, sound).findings
-    assert f"period of {period_s:g} s" in result.remarks[1]
-    assert "one of 4 s" in result.remarks[1]
 
 
 def test_where_the_sound_does_not_tell_the_stage_text_and_document_say_so() -> None:
