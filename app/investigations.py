@@ -314,7 +314,7 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
     found: Investigation | Together | RobotInvestigation
     if row.robot:
         from sim.robot.investigation import investigate_robot  # only a worker pays for importing what investigates
-        from sim.robot.log import read_log
+        from sim.robot.motion import read_log
 
         (urdf,) = _paths(library, row, "urdf")
         robot = kept_robot(row.axis_document, urdf.read_bytes())

@@ -143,7 +143,7 @@ def _of_robot(
 ) -> None:
     """Investigate all joints of a robot."""
     from sim.robot.investigation import investigate_robot
-    from sim.robot.log import read_log
+    from sim.robot.motion import read_log
     from sim.robot.report import lines
     from sim.robot.robot import read_robot
 

@@ -8,8 +8,7 @@ from dataclasses import replace
 from sim.description.axis import Axis, MechanismEntry, Stage
 from sim.investigation.estimation.estimate import Fit
 from sim.investigation.hypotheses.friction import friction_key
-from sim.investigation.hypotheses.hypothesis import Term
-from sim.investigation.hypotheses.traits import traits_of
+from sim.investigation.hypotheses.hypothesis import Term, traits_of
 from sim.investigation.model.parameters import Values
 from sim.mechanisms import CoulombFriction, ViscousFriction
 

@@ -14,7 +14,7 @@ from signals.recording import Recording
 from signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.investigation.acoustic.evidence import AcousticFinding
-from sim.investigation.acoustic.fusion import not_named_yet, sound_alone, sound_beside_telemetry
+from sim.investigation.acoustic.fusion import not_named_yet, sound_alone, sound_with_telemetry
 from sim.investigation.acoustic.recording_quality import mismatch
 from sim.investigation.assessment.intervals import estimates
 from sim.investigation.assessment.misfit import adequacy, excess, widened
@@ -131,7 +131,7 @@ def _of_torque(
     weighed = drop_unidentifiable(select(problem, base, progress))
     progress("sound", 0.78)
     heard, left_of_sound = (
-        sound_beside_telemetry(described, sounds[0], data_check.measurement, sound_offset_s) if sounds else ((), None)
+        sound_with_telemetry(described, sounds[0], data_check.measurement, sound_offset_s) if sounds else ((), None)
     )
     strange = mismatch(sounds[0], data_check.measurement, sound_offset_s) if sounds else ()
     progress("gain on data not used for the fit", 0.85)
@@ -235,7 +235,7 @@ def _encoders_alone(
     seen = encoders_alone(axis, telemetry)
     progress("sound", 0.78)
     heard, left_of_sound = (
-        sound_beside_telemetry(axis, sounds[0], seen.measurement, sound_offset_s) if sounds else ((), None)
+        sound_with_telemetry(axis, sounds[0], seen.measurement, sound_offset_s) if sounds else ((), None)
     )
     strange = mismatch(sounds[0], seen.measurement, sound_offset_s) if sounds else ()
     named = {f.mechanism for f in seen.findings}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 
@@ -23,7 +23,7 @@ from sim.investigation.report.wording import measurement_of_the_rest
 from sim.investigation.results import REPORTED, Estimate, Finding, Investigation
 from sim.investigation.unexplained import rounded
 from sim.mechanisms import TimeDelay
-from sim.robot.motion import Motion
+from sim.robot.motion import Motion, RobotLog
 from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
@@ -40,20 +40,6 @@ NOT_ITS_TORQUE = (
 DEAD = "motor_torque_nm: has the same value in all rows. The other joints were examined without it."
 HELD = "The joint was held still: nothing is told of its friction and its drive."
 BRIEFLY = "The joint moved too briefly: nothing is told of its friction and its drive."
-
-
-@dataclass(frozen=True)
-class RobotLog:
-    """One log of a robot: telemetry of each joint, in the joints' order, over one clock.
-
-    `recognised`: the channel map that reading it amounted to, where the columns were recognised; else empty.
-    `unusable`: why the torque of a joint could not be read, by its name.
-    """
-
-    name: str
-    joints: tuple[Telemetry, ...]
-    recognised: str = ""
-    unusable: Mapping[str, str] = field(default_factory=dict)
 
 
 def investigate_robot(
@@ -88,7 +74,7 @@ def investigate_robot(
     for k, (joint, telemetry) in enumerate(zip(robot.joints, log.joints, strict=True)):
         if k in shared.motion.unmeasured:
             why = log.unusable.get(joint.name, DEAD if k in dead else NOT_ITS_TORQUE)
-            one = replace(_untold(joint, why), verdict="unusable")
+            one = replace(_not_examined(joint, why), verdict="unusable")
         else:
             watch = partial(_within, progress, joint.name, k, len(robot.joints))
             by_s = delays[k].delay_s if k in delays else 0.0
@@ -213,7 +199,7 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
     """One joint, whose load asks for what the rigid body does besides the inertia that its description has."""
     motion, axis = shared.motion, joint.axis
     if not motion.moves[place]:
-        return _untold(joint, HELD)
+        return _not_examined(joint, HELD)
     load, ratio, felt_at = axis.load.inertia_kg_m2, axis.ratio, 1.0
     if as_one_body := is_one_body(axis, telemetry):
         axis, load, felt_at = at_the_motor(axis), 0.0, ratio
@@ -232,9 +218,9 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
             axis, replace(telemetry, channels=channels), progress=progress, known_doubts=doubts, gear=felt_at
         )
     except TooLittleMotion:
-        return _untold(joint, BRIEFLY)
+        return _not_examined(joint, BRIEFLY)
     except InvestigationError as error:
-        return replace(_untold(joint, str(error)), verdict="unusable")
+        return replace(_not_examined(joint, str(error)), verdict="unusable")
     return replace(one, extended=as_described(joint.axis, one.extended)) if as_one_body else one
 
 
@@ -254,7 +240,7 @@ def _in_its_words(robot: Robot, place: int, one: Investigation) -> Investigation
     )  # fmt: skip
 
 
-def _untold(joint: Joint, why: str) -> Investigation:
+def _not_examined(joint: Joint, why: str) -> Investigation:
     """A joint of which no model is made: it counts in the torques of the others, and nothing is told of its own."""
     return Investigation(
         joint.axis, "nothing_missing", (), None, (), (), "Move this joint, too.", joint.axis, {}, remarks=(why,)

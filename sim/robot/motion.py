@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signals.telemetry import Telemetry
+from signals.columns.joint_maps import read_joint_maps
+from signals.errors import TelemetryError
+from signals.telemetry import Telemetry, read_telemetry
 from sim.investigation.data.data_fault import InvestigationError
 from sim.investigation.data.preprocessing import LEAST_ROWS, MOTION_CUT_HZ, gaussian_kernel, smooth
 from sim.investigation.data.validation import check_clock
-from sim.robot.robot import Robot
+from sim.robot.robot import Robot, logged_joints
 
 Array = NDArray[np.float64]
 
@@ -152,3 +156,48 @@ def smoothed(values: Array, cut_hz: float, rate_hz: float, derivative: int) -> A
     """Smoothed over all rows; those at the ends, by odd reflection, do not count."""
     half = gaussian_kernel(cut_hz, rate_hz, derivative).size // 2
     return smooth(np.pad(values, half, "reflect", reflect_type="odd"), cut_hz, rate_hz, derivative, half)
+
+
+@dataclass(frozen=True)
+class RobotLog:
+    """One log of a robot: telemetry of each joint, in the joints' order, over one clock.
+
+    `recognised`: the channel map that reading it amounted to, where the columns were recognised; else empty.
+    `unusable`: why the torque of a joint could not be read, by its name.
+    """
+
+    name: str
+    joints: tuple[Telemetry, ...]
+    recognised: str = ""
+    unusable: Mapping[str, str] = field(default_factory=dict)
+
+
+TORQUE = "motor_torque_nm"
+
+
+def read_log(robot: Robot, path: Path, channels: str | None) -> RobotLog:
+    """Read each joint's telemetry; a joint whose torque alone cannot be read goes without.
+
+    Raises
+    ------
+    TelemetryError
+        as `read_telemetry`, beginning with the joint; and where the columns of the joints are in doubt.
+    """
+    maps, recognised = read_joint_maps(path, logged_joints(robot), channels)
+    read = [_read(path, joint.name, map_) for joint, map_ in zip(robot.joints, maps, strict=True)]
+    return RobotLog(
+        path.name, tuple(telemetry for telemetry, _ in read), recognised,
+        {joint.name: why for joint, (_, why) in zip(robot.joints, read, strict=True) if why},
+    )  # fmt: skip
+
+
+def _read(path: Path, joint: str, channels: str | None) -> tuple[Telemetry, str]:
+    """A joint's telemetry; without its torque where that cannot be read, and why: it still moves the others."""
+    try:
+        return read_telemetry(path, channels=channels), ""
+    except TelemetryError as error:
+        rest = {} if channels is None else {k: v for k, v in json.loads(channels).items() if k != TORQUE}
+        try:
+            return read_telemetry(path, channels=json.dumps(rest)), str(error)
+        except TelemetryError:
+            raise TelemetryError(f"{joint}: {error}") from None

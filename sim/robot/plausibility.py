@@ -15,7 +15,7 @@ from sim.investigation.data.data_fault import InvestigationError
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import PARAMETERS, RigidBody
 from sim.robot.robot import Robot, position_key
-from sim.robot.shared_fit import TILT_RAD, shared_columns
+from sim.robot.shared_fit import GAIN_ERROR, TILT_RAD, shared_columns
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,6 @@ FAR_BETTER = 0.25  # of the squares of all joints, multiplied: what else would b
 ASKEW_RAD = 10.0 * TILT_RAD  # a base that is off by more was mounted so, and no error of masses looks like it
 TURNED = 0.5  # of its dry friction, which a joint that moves has in full
 FEWEST = 20  # rows in motion, for three numbers of friction and the rotor
-CHECKED = 0.05  # of a joint's torque, from which the rigid body's counts
 
 
 def check_joints(robot: Robot, body: RigidBody) -> None:
@@ -71,7 +70,7 @@ def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> frozenset[int]
     numbers = _fitted(joints, hung, torque - rigid)
     if numbers[0] > -body.parameters[body.tool, 0]:  # less, and what the last joint moves would weigh less than nothing
         with_ = np.minimum(with_, _left(joints, torque - rigid - hung @ numbers))
-    asked = rigid.std(axis=0) > CHECKED * np.maximum(torque.std(axis=0), 1e-12)
+    asked = rigid.std(axis=0) > GAIN_ERROR * np.maximum(torque.std(axis=0), 1e-12)
     wrong = asked & (with_ > WORSE * without) & (with_ - without > _unsure(robot, body, few) ** 2)
     names = [joint.name for joint in robot.joints]
     said = ", ".join(name for name, bad in zip(names, wrong, strict=True) if bad) or "the joints"

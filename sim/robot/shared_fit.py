@@ -29,8 +29,7 @@ from sim.robot.robot import Robot
 
 Array = NDArray[np.float64]
 
-LINK_ERROR = 0.05  # of a link's mass and of the mean link's: two editions of a maker's data differ by 5.4 % of the mean
-GAIN_ERROR = 0.05  # of the N m per ampere of a drive: what data sheets of motors allow, gears included
+GAIN_ERROR = 0.05  # of the N m per ampere of a drive: what data sheets allow; of a link's mass: as editions differ
 TILT_RAD = 0.02  # of the base: what feet are levelled to without an instrument
 LATE_S = 0.005  # torque against position: half a period of a log of 100 Hz
 LATEST_S = 0.05  # of one joint alone: a current that its drive smooths at 3 Hz
@@ -357,7 +356,7 @@ def _reach(parameters: Array) -> float:
 def _link_errors(parameters: Array, mean_mass: float, mean_reach: float) -> Array:
     """Directions in which a link's parameters may be wrong, each by a standard deviation, shape (10, 10)."""
     mass = float(parameters[0])
-    much = LINK_ERROR * math.hypot(mass, mean_mass)
+    much = GAIN_ERROR * math.hypot(mass, mean_mass)
     far = _reach(parameters) if mass > 0.0 else mean_reach
     out = np.diag(much * np.r_[1.0, np.full(3, far), np.full(6, far**2)])
     if mass > 0.0:

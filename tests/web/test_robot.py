@@ -11,7 +11,7 @@ from casebase.store.models import now
 from signals.reading.documents import parse_document
 from sim.robot.foreign import kept_robot
 from sim.robot.investigation import investigate_robot
-from sim.robot.log import read_log
+from sim.robot.motion import read_log
 from sim.robot.report import robot_story
 from tests.app.test_robots import MAP, ROBOT, log, urdf
 from tests.web.conftest import Opened, Tab

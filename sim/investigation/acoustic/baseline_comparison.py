@@ -20,14 +20,24 @@ from signals.analysis import ANALYSIS_RATE_HZ
 from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.investigation.acoustic.evidence import AcousticFinding, Tail, log_ratio, probability
-from sim.investigation.acoustic.impacts import NO_STANDSTILL
-from sim.investigation.acoustic.levels import BAND_HZ, CELL, LEAST_AT_REST, LEAST_SEGMENTS, SEGMENT, cells
-from sim.investigation.acoustic.operating_states import Course, Cruise, Mask
-from sim.investigation.acoustic.spectral_lines import MULTIPLES, TRANSFORM, gamma_limit, mesh_orders, over_surroundings
+from sim.investigation.acoustic.operating_states import NO_STANDSTILL, Course, Cruise, Mask
+from sim.investigation.acoustic.order_spectrum import (
+    CELL,
+    DESCRIBED_WITHIN,
+    LEAST_AT_REST,
+    LEAST_SEGMENTS,
+    LEVEL_BAND_HZ,
+    MULTIPLES,
+    SEGMENT,
+    TRANSFORM,
+    cells,
+    gamma_limit,
+    mesh_orders,
+    over_surroundings,
+)
 from sim.mechanisms import MeshError, StructuralResonance
 
 NO_AS_NEW = "no recording from when the axis was new was given to compare with"
-SAME_SPEED = 0.15  # relative: at another speed teeth excite the housing at other frequencies
 AROUND_HZ = 64.0  # wider than what an uneven speed smears a strong line over
 RUNG = 0.1  # relative: so near a pitch that rings its sound lifts lines
 BESIDE_HZ = 1.5  # of a line: how far the speed of one cruise may be off
@@ -36,12 +46,11 @@ PEAK_DB = 3.0
 CELLS = 1.5  # half of what a line of teeth covers, and what nine in ten simulated pitches are found within
 LEAST_OPEN = 0.15  # of the cells
 AT_REST_DB = 4.0  # what is hardly louder while moving is none of the axis
-ALIKE = 0.7  # correlation; simulated recordings of one gearbox in good order have 0.88 and more
 # Scores of simulated gearboxes on two days: of 157 with teeth as new, half of them with something that rings, ten
 # reach 4.5; of 66 in good order the ring of none reaches 2.5.
 TEETH_TAIL = Tail(start=4.5, share=0.065, scale=1.6)
 USUAL_DB = 2.5
-RING_TAIL = Tail(start=USUAL_DB, share=0.05, scale=1.5)
+RING_TAIL = Tail(start=USUAL_DB, scale=1.5)
 
 
 @dataclass(frozen=True)
@@ -63,16 +72,16 @@ class Grown:
     teeth_as_new: bool
 
 
-def hindrance_of_teeth(axis: Axis, course: Course, as_new: Sequence[Course]) -> str | None:
+def mesh_hindrance(axis: Axis, course: Course, as_new: Sequence[Course]) -> str | None:
     """Why errors of teeth cannot be compared; None where they can, with one recording as new at least."""
     if as_new and not mesh_orders(axis):
         return "the description gives no tooth numbers"
-    return _all_of([_hindrance_of_lines(course, one) for one in as_new])
+    return _all_of([_line_hindrance(course, one) for one in as_new])
 
 
-def hindrance_of_ringing(course: Course, as_new: Sequence[Course]) -> str | None:
+def resonance_hindrance(course: Course, as_new: Sequence[Course]) -> str | None:
     """Why resonances cannot be compared; None where they can, with one recording as new at least."""
-    return _all_of([_hindrance_of_pitches(course, one) for one in as_new])
+    return _all_of([_resonance_hindrance(course, one) for one in as_new])
 
 
 def grown(axis: Axis, courses: Sequence[Course], as_new: Sequence[Course]) -> Grown:
@@ -85,28 +94,12 @@ def grown(axis: Axis, courses: Sequence[Course], as_new: Sequence[Course]) -> Gr
     return Grown((*_mesh_error(axis, teeth), *_resonance(ringing, told)), quiet)
 
 
-def unlike_recordings_as_new(
-    courses: Sequence[Course], as_new: Sequence[Course], names: Sequence[str]
-) -> tuple[str, ...]:
-    """A remark where a recording has so little in common with those as new that they may be of another gearbox."""
-    out = []
-    for name, course in zip(names, courses, strict=True):
-        likeness = [_likeness(course, one) for one in as_new if _hindrance_of_pitches(course, one) is None]
-        if likeness and max(likeness) < ALIKE:
-            out.append(
-                f"The spectrum{'' if len(names) == 1 else f' of {name}'} has little in common with that as new "
-                f"(correlation {max(likeness):.2f}): either something very loud has come in, or it is another gearbox, "
-                "housing or place of the microphone, and then the comparison says nothing."
-            )
-    return tuple(out)
-
-
 def growth_curves(course: Course, as_new: Sequence[Course]) -> tuple[Array, tuple[tuple[str, Array], ...]]:
     """For a picture: frequencies [Hz], and how much louder than as new [dB] while cruising and while speed changes.
 
     Over the first recording as new that can be compared, without lines of teeth, as in the search.
     """
-    first = next((one for one in as_new if not _hindrance_of_pitches(course, one)), None)
+    first = next((one for one in as_new if not _resonance_hindrance(course, one)), None)
     if first is None:
         return cells(), ()
     of_teeth = _of_teeth((course, first))
@@ -132,10 +125,10 @@ def _speed(cruise: Cruise) -> float:
 def _matched(course: Course, other: Course) -> list[Cruise]:
     """Cruises at a speed that the other recording has as well."""
     speeds = np.array([_speed(c) for c in _heard_cruises(other)])
-    return [c for c in _heard_cruises(course) if (np.abs(speeds / _speed(c) - 1.0) <= SAME_SPEED).any()]
+    return [c for c in _heard_cruises(course) if (np.abs(speeds / _speed(c) - 1.0) <= DESCRIBED_WITHIN).any()]
 
 
-def _hindrance_of_lines(course: Course, as_new: Course) -> str | None:
+def _line_hindrance(course: Course, as_new: Course) -> str | None:
     own, before = ([_speed(c) for c in _heard_cruises(one)] for one in (course, as_new))
     for speeds, where in ((own, ""), (before, " as new")):
         if not speeds:
@@ -148,11 +141,11 @@ def _hindrance_of_lines(course: Course, as_new: Course) -> str | None:
     )
 
 
-def _hindrance_of_pitches(course: Course, as_new: Course) -> str | None:
+def _resonance_hindrance(course: Course, as_new: Course) -> str | None:
     for one, where in ((course, ""), (as_new, "as new ")):
         if one.moving is None:
             return f"{where}{NO_STANDSTILL}"
-        if one.analysis.highest_hz < BAND_HZ[1]:
+        if one.analysis.highest_hz < LEVEL_BAND_HZ[1]:
             return f"{where}the sample rate of {one.analysis.recording.sample_rate_hz:.0f} Hz is too low"
         if one.levels.speeding is None:
             least = LEAST_SEGMENTS * SEGMENT / ANALYSIS_RATE_HZ
@@ -170,9 +163,9 @@ def _growths(axis: Axis, course: Course, as_new: Sequence[Course]) -> tuple[Grow
 
     Over the recording as new that shows the least growth.
     """
-    compared = [one for one in as_new if mesh_orders(axis) and _hindrance_of_lines(course, one) is None]
+    compared = [one for one in as_new if mesh_orders(axis) and _line_hindrance(course, one) is None]
     teeth = _smallest(lambda one: _teeth_of(axis, course, one, math.nan), compared)
-    audible = [one for one in as_new if _hindrance_of_pitches(course, one) is None]
+    audible = [one for one in as_new if _resonance_hindrance(course, one) is None]
     ringing = _smallest(lambda one: _ringing_of(course, one), audible)
     if teeth is not None and ringing is not None:
         ringing = replace(ringing, score=ringing.score - max(0.0, teeth.score - TEETH_TAIL.start))
@@ -239,7 +232,7 @@ def _teeth_of(axis: Axis, course: Course, as_new: Course, ringing_hz: float) -> 
     length_s = float(min(np.median([c.length_s for c in cruises]) for _, cruises in groups))
     both = [_rows(one, cruises, length_s) for one, cruises in groups]
     spacing = ANALYSIS_RATE_HZ / TRANSFORM
-    highest = min(BAND_HZ[1], course.analysis.highest_hz, as_new.analysis.highest_hz)
+    highest = min(LEVEL_BAND_HZ[1], course.analysis.highest_hz, as_new.analysis.highest_hz)
     floor = gamma_limit(min(len(rows) for rows in both), 2.0 * BESIDE_HZ / spacing)
     rise = []
     for order in mesh_orders(axis):
@@ -316,13 +309,3 @@ def _of_teeth(courses: Sequence[Course]) -> Mask:
 
 def _over_base(level_db: Array) -> Array:
     return np.asarray(level_db - median_filter(level_db, BASE, mode="nearest"))
-
-
-def _likeness(course: Course, as_new: Course) -> float:
-    """Correlation of both spectra over their surroundings, without the largest difference."""
-    now, then = course.levels.speeding, as_new.levels.speeding
-    if now is None or then is None:
-        return 1.0
-    largest = int(np.argmax(_over_base(now - then)))
-    rest = np.abs(np.arange(now.size) - largest) > BASE // 3
-    return float(np.corrcoef(_over_base(now)[rest], _over_base(then)[rest])[0, 1])

@@ -19,10 +19,8 @@ from scipy.stats import gamma, rankdata
 from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.investigation.acoustic.evidence import Tail
-from sim.investigation.acoustic.impacts import NO_STANDSTILL
-from sim.investigation.acoustic.operating_states import LEAST_CRUISES, Course, Mask
-from sim.investigation.acoustic.order_spectrum import BANDS, OrderSpectra
-from sim.investigation.acoustic.spectral_lines import mesh_orders
+from sim.investigation.acoustic.operating_states import LEAST_CRUISES, NO_STANDSTILL, Course, Mask
+from sim.investigation.acoustic.order_spectrum import BANDS, OrderSpectra, mesh_orders
 
 BASES = (2.0, 30.0)  # orders of rolling bearings per turn of the motor; shafts and teeth that err lie below
 MULTIPLES = 8
@@ -36,7 +34,7 @@ SIDEBANDS = 0.15  # turns of the motor on either side of a line of teeth: slow s
 TEETH_MULTIPLES, TURN_ORDERS = 4, 12.0  # of a gear with a damaged tooth
 # Natural logarithms of power. Of 290 simulated gearboxes without such a tooth one in twenty reaches 0.3 and none 0.6; a
 # badly damaged tooth of the output gear reaches 0.5, one of a gear between 0.7 to 3.
-TURNS_TAIL = Tail(start=0.45, share=0.05, scale=0.08)
+TURNS_TAIL = Tail(start=0.45, scale=0.08)
 
 
 @dataclass(frozen=True)

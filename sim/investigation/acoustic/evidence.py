@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from sim.investigation.acoustic.operating_states import Course
 from sim.investigation.unexplained import Unexplained
 
+REPORTED = 0.5  # probability from which a fault is reported
 FALSE_ALARM = 0.005
 """Probability that noise alone makes a candidate [1]."""
 PRIOR_ODDS = 1.0 / 10.0
@@ -22,8 +23,8 @@ class Tail:
     """How often good gearboxes reach a score: `share` of them exceed `start`, fewer by e per `scale` beyond."""
 
     start: float
-    share: float
     scale: float
+    share: float = 0.05
 
     def p_value(self, score: float) -> float:
         """Chance that a gearbox in good order scores as high; 1 below the tail."""

@@ -19,18 +19,24 @@ from signals.motion import HOP_HZ, reversal_times_s
 from signals.recording import Recording
 from sim.chain.model import Array
 from sim.description.axis import Axis
-from sim.investigation.acoustic.levels import Levels, levels_of
-from sim.investigation.acoustic.order_spectrum import OrderSpectra, order_spectra
-from sim.investigation.acoustic.spectral_lines import TRANSFORM, mesh_orders, mesh_speed, over_surroundings
+from sim.investigation.acoustic.order_spectrum import (
+    TRANSFORM,
+    Levels,
+    OrderSpectra,
+    levels_of,
+    mesh_orders,
+    mesh_speed,
+    order_spectra,
+    over_surroundings,
+)
 from sim.investigation.data.preprocessing import Measurement
 
 Mask = NDArray[np.bool_]
 MARGIN_S = 0.1  # loudness is full before the speed is
-SAME_CYCLE = 0.02  # of the period that cycles may differ by where a motion repeats
 SHORTEST_CRUISE_S = 0.4
-LEAST_CYCLES = 3  # overlapping: five standstills
-LEAST_CRUISES = 3
-UNEVEN = 0.02  # of a speed that is heard, while cruising
+LEAST_CRUISES = 3  # strokes, cycles that overlap, standstills, impacts
+NO_STANDSTILL = "no standstill is heard"
+UNEVEN = 0.02  # of a speed that is heard, while cruising, and of the period of a motion that repeats
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +67,7 @@ class Course:
 
     `repeats`: back and forth between the same two ends in the same time. `mesh_orders`: tooth contacts per
     revolution of the motor. `measured`: times on the recording's clock [s] and speed of the motor [1/s], both (n,);
-    None where sound is alone. `contradiction`: of the described period, in words.
+    None where sound is alone.
     """
 
     analysis: Analysis
@@ -70,7 +76,6 @@ class Course:
     repeats: bool
     mesh_orders: tuple[float, ...] = ()
     measured: tuple[Array, Array] | None = None
-    contradiction: str | None = None
 
     @property
     def moving(self) -> Mask | None:
@@ -144,26 +149,14 @@ def course_of(axis: Axis, sound: Recording, m: Measurement | None, offset_s: flo
         row[:] = over_surroundings(cruise.cut(analysis.samples), ANALYSIS_RATE_HZ)
     times = np.array(analysis.motion.reversal_times_s)
     cycles = times[2:] - times[:-2]
-    repeats = bool(cycles.size >= LEAST_CYCLES and np.ptp(cycles) < SAME_CYCLE * np.median(cycles))
+    repeats = bool(cycles.size >= LEAST_CRUISES and np.ptp(cycles) < UNEVEN * np.median(cycles))
     if m is None:
-        told = _contradiction(axis, analysis)
         cruises = _with_heard_speed(axis, cruises, spectra, repeats)
-        return Course(analysis, cruises, spectra, repeats, mesh_orders(axis), contradiction=told)
+        return Course(analysis, cruises, spectra, repeats, mesh_orders(axis))
     measured = (m.time_s - offset_s, np.abs(m.speed) / (2.0 * math.pi))
     mean = [np.mean(np.interp(np.linspace(c.start_s, c.end_s, 100), *measured)) for c in cruises]
     cruises = tuple(replace(c, turns_per_s=float(v) or None) for c, v in zip(cruises, mean, strict=True))
     return Course(analysis, cruises, spectra, repeats, mesh_orders(axis), measured)
-
-
-def _contradiction(axis: Axis, analysis: Analysis) -> str | None:
-    """Where the standstills in a recording come with another period than the described one, in words."""
-    heard = analysis.motion.period_s
-    if heard is None or not axis.describes_motion("period_s") or abs(heard / axis.motion.period_s - 1.0) < SAME_CYCLE:
-        return None
-    return (
-        f"The description gives the motion a period of {axis.motion.period_s:.3g} s, but the standstills heard come "
-        f"with one of {heard:.3g} s: the recording's own is used."
-    )
 
 
 def _cruises(analysis: Analysis) -> tuple[Cruise, ...]:

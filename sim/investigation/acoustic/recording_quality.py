@@ -16,7 +16,7 @@ from signals.recording import Recording
 from signals.recording_quality.quality import FEWEST_STEPS, cut_samples, lost_stretches, steps
 from sim.chain.model import Array
 from sim.investigation.acoustic.evidence import FALSE_ALARM, AcousticFinding
-from sim.investigation.acoustic.operating_states import Course
+from sim.investigation.acoustic.operating_states import LEAST_CRUISES, Course
 from sim.investigation.data.preprocessing import Measurement
 from sim.mechanisms import Clipping, ElectricalHum, LostSamples
 
@@ -25,7 +25,6 @@ GRID_TOLERANCE = 0.003  # of the mains frequency: large grids keep 0.15 Hz but f
 STEADY, COMPANY_HZ = 0.8, 3.0  # share of a steady line in what stands over the noise so near; others have company
 LEAST_S = 2.0
 LEAST_CUT = 1e-4  # of the samples: chance leaves less at an extreme
-LEAST_STANDSTILLS = 3  # heard: a sound in which nothing is heard of a motion contradicts none
 LEAST_CORRELATION = 0.2  # correlation; of 75 pairs that belong together the least has 0.42
 SLOW = 0.05  # of the usual speed: below, no axis is quieter
 SURE = 0.97  # of a fault that is counted sample by sample
@@ -143,7 +142,7 @@ def mismatch(sound: Recording, m: Measurement, offset_s: float) -> tuple[str, ..
     level = uniform_filter1d(analysis.loudness_db.astype(np.float64), SMOOTH_HOPS)
     time = (np.arange(level.size) + 0.5) / HOP_HZ + offset_s
     inside = (time >= m.time_s[0]) & (time <= m.time_s[-1])
-    if count < LEAST_STANDSTILLS or inside.mean() < 0.5:
+    if count < LEAST_CRUISES or inside.mean() < 0.5:
         return ()
     level = np.maximum(level[inside], np.percentile(level, 2))
     speed = np.abs(np.interp(time[inside], m.time_s, m.speed))

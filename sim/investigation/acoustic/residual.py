@@ -17,6 +17,7 @@ from signals.analysis import ANALYSIS_RATE_HZ
 from signals.reading.live_channel import MAINS_HZ
 from sim.chain.model import Array
 from sim.investigation.acoustic.operating_states import Course, Mask
+from sim.investigation.acoustic.order_spectrum import LEVEL_BAND_HZ
 from sim.investigation.unexplained import Unexplained
 
 TWICE = 4.0  # in power: the sound has twice the amplitude
@@ -27,7 +28,7 @@ LEAST = 8  # segments
 OFTEN = 2.0 / 3.0  # a line is there for a third of the time: what passes by is not
 LOUD = 0.9  # quantile over time
 MESHES, TURNS, HUMS = 8, 24, 6  # multiples that a gearbox and the mains have
-LOWEST_HZ, HIGHEST_HZ, PER_OCTAVE = 125.0, 3_600.0, 6
+LOWEST_HZ, HIGHEST_HZ, PER_OCTAVE = 125.0, LEVEL_BAND_HZ[1], 6
 
 
 def left_in(course: Course) -> Unexplained | None:

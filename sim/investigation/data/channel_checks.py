@@ -10,8 +10,6 @@ import numpy as np
 from sim.chain.model import Array
 from sim.description.axis import Axis
 from sim.investigation.data.data_fault import InvestigationError
-from sim.investigation.data.plausibility import inertias
-from sim.investigation.data.rigid_body import one_body
 from sim.investigation.data.sample_defects import quantum
 
 NAMES = {
@@ -25,7 +23,7 @@ UNITS = {1e3: "mrad", 180.0 / math.pi: "degrees", 1e6: "microrad", 1.0 / (2.0 * 
 ALIKE = 0.05
 
 
-def check_channels(axis: Axis, even: Mapping[str, Array], rate_hz: float) -> None:
+def check_channels(axis: Axis, even: Mapping[str, Array]) -> None:
     """Refuse channels that stand still, are wrapped, swapped, turned or in another unit.
 
     `even`: channels by their short names, each of shape (n,); `reference` may be of the motor or of the load. Without
@@ -50,7 +48,7 @@ def check_channels(axis: Axis, even: Mapping[str, Array], rate_hz: float) -> Non
     if "torque" in even:
         _check_swapped(axis, even)
     if "load" in even:
-        _check_load(axis, even, rate_hz)
+        _check_load(axis, even)
 
 
 def _check_wrapped(name: str, values: Array) -> None:
@@ -88,7 +86,7 @@ def _check_swapped(axis: Axis, even: Mapping[str, Array]) -> None:
         )
 
 
-def _check_load(axis: Axis, even: Mapping[str, Array], rate_hz: float) -> None:
+def _check_load(axis: Axis, even: Mapping[str, Array]) -> None:
     angle, load = even["angle"], even["load"]
     times = slope(angle, load) * axis.ratio
     if not math.isfinite(times) or np.ptp(load) == 0.0:
@@ -105,50 +103,20 @@ def _check_load(axis: Axis, even: Mapping[str, Array], rate_hz: float) -> None:
             f"{times / axis.ratio:.4g} times as far as the motor's, and the ratio is {axis.ratio:.6g}"
         )
     for factor, unit in UNITS.items():
-        for motor_is_wrong, size in ((False, abs(times)), (True, 1.0 / max(abs(times), 1e-300))):
+        for size, large, small in (
+            (abs(times), "load_position_rad", "motor_position_rad"),
+            (1.0 / max(abs(times), 1e-300), "motor_position_rad", "load_position_rad"),
+        ):
             if abs(size / factor - 1.0) < ALIKE:
-                raise InvestigationError(_unit_text(axis, even, rate_hz, times, factor, unit, motor_is_wrong))
+                raise InvestigationError(
+                    f"load_position_rad moves {abs(times):.4g} times as far as motor_position_rad over the ratio says: "
+                    f"{large} is in {unit}, or {small} is too small by {factor:.4g}, or the ratio {axis.ratio:.6g} is "
+                    "another; rad are needed"
+                )
     raise InvestigationError(
         f"load_position_rad: moves {times:.4g} times as far as motor_position_rad over the ratio {axis.ratio:.6g} "
         "says; are two channels swapped, is a unit not rad, or is the ratio another?"
     )
-
-
-def _unit_text(
-    axis: Axis, even: Mapping[str, Array], rate_hz: float, times: float, factor: float, unit: str, swelled_motor: bool
-) -> str:
-    """Which of the two encoders is in another unit, as far as reference, speed limit and torque tell."""
-    head = f"load_position_rad moves {abs(times):.4g} times as far as motor_position_rad over the ratio says"
-    motor = f"motor_position_rad is {'in ' + unit if swelled_motor else f'too small by {factor:.4g}'}"
-    load = f"load_position_rad is {f'too small by {factor:.4g}' if swelled_motor else 'in ' + unit}"
-    scale = factor if swelled_motor else 1.0 / factor
-    wrong = _motor_is_wrong(axis, even, rate_hz, scale)
-    if wrong is None:
-        return f"{head}: {motor}, or {load}, or the ratio {axis.ratio:.6g} is another; rad are needed"
-    good, cause = ("load_position_rad", motor) if wrong else ("motor_position_rad", load)
-    return f"{head}: {cause}, since torque and described inertia fit {good}; rad are needed"
-
-
-def _motor_is_wrong(axis: Axis, even: Mapping[str, Array], rate_hz: float, scale: float) -> bool | None:
-    """Whether the motor's angle is `scale` times what it should be; None where nothing tells."""
-    top = float(np.quantile(np.abs(np.gradient(even["angle"])), 0.99)) * rate_hz
-    if top > 3.0 * axis.motor.speed_limit_rad_s:
-        return True
-    if "torque" not in even:
-        return None
-    share = felt_inertia(even["torque"], even["angle"], rate_hz) / sum(inertias(axis).values())
-    for wrong, size in ((False, share), (True, share * scale)):
-        if 0.2 < size < 5.0:
-            return wrong
-    return None
-
-
-def felt_inertia(torque: Array, angle: Array, rate_hz: float) -> float:
-    """Inertia of one body with friction that fits torque and angle [kg m2]."""
-    lag = max(2, round(0.02 * rate_hz))
-    speed = (angle[2 * lag :] - angle[: -2 * lag]) * rate_hz / (2 * lag)
-    acceleration = (angle[2 * lag :] - 2.0 * angle[lag:-lag] + angle[: -2 * lag]) * (rate_hz / lag) ** 2
-    return float(one_body(torque[lag:-lag], acceleration, speed)[0][0])
 
 
 def slope(angle: Array, other: Array) -> float:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_opening, minimum_filter1d
+from scipy.ndimage import binary_opening, label, maximum, minimum_filter1d, uniform_filter1d
 from scipy.signal import fftconvolve, upfirdn
 
 Array = NDArray[np.float64]
@@ -18,12 +19,12 @@ RATE_HZ = 1000.0  # of the prepared channels: four times the fastest mode that m
 WIDE_SHARE = 0.3  # -3 dB frequency of torque and acceleration over the sample rate
 ANGLE_CUT_HZ = 150.0  # motor angle that drives the chain: far above its modes, below the encoder's noise
 SLOW_ANGLE_CUT_HZ = 40.0  # the same without its encoder's noise, which springs and dampers turn into torque
-SLOW_DIRECT_ANGLE_CUT_HZ = 12.0  # the same without gears, where a stiff coupling makes far more of it
 LOAD_CUT_HZ = 50.0  # above this a load encoder of 20 bits says nothing about torque: what is left is cut off there
 LOAD_MOTION_CUT_HZ = 10.0  # the same for the load's angle
 MOTION_CUT_HZ = (
     12.0  # acceleration below it is the motion's own; above, mostly the encoder's noise, which would shrink inertias
 )
+SLOW_DIRECT_ANGLE_CUT_HZ = MOTION_CUT_HZ  # of an angle without gears: a stiff coupling makes far more of its noise
 REACH = 4  # rows on either side of a gap that are felt, per row of it
 REST_S = 0.4  # a shorter one is a reversal
 SLIPPED_RAD = 0.01  # of the motor after a rest, over which friction slides whatever it held: five times the way of most
@@ -328,3 +329,41 @@ def _trusted(valid: Array, margin: int, least: int) -> Array:
         reach = min(margin, least + REACH * int(end - first))
         out[max(first - reach, 0) : end + reach] = 0.0
     return out[margin : valid.size - margin]
+
+
+def one_body(
+    torque: Array,
+    acceleration: Array,
+    speed: Array,
+    used: NDArray[np.bool_] | slice = slice(None),
+    beside: Sequence[Array] = (),
+) -> tuple[Array, Array]:
+    """Inertia, dry and viscous friction and offset by least squares over `used`, shape (4 + k,), and the torque beyond.
+
+    [kg m2], [N m], [N m s/rad], [N m]; the torque that one body does not need is of all rows [N m], shape (n,).
+    `beside`: k other laws of the torque, each of shape (n,).
+    """
+    columns = np.stack([acceleration, np.sign(speed), speed, np.ones(speed.size), *beside], 1)
+    scale = np.abs(columns).max(axis=0) + 1e-300
+    found = np.linalg.lstsq(columns[used] / scale, torque[used], rcond=None)[0] / scale
+    return found, torque - columns @ found
+
+
+KICK = 0.01  # of a step, by which all numbers are moved to see where
+MOST_BENT = 0.01  # noise deviations by which twice the kick may do other than twice as much: a step, one
+LEAST_BENT = 0.002  # the same where such a spell begins and ends
+FELT_S = 0.05  # on either side of a row, over which that is asked
+FEWEST_PREDICTABLE = 1.0 / 3.0  # of all rows; fewer say less than what is rough
+
+
+def linear_rows(kicked: Sequence[Array], rate_hz: float) -> Array:
+    """1 where twice the kick does twice as much, else 0, shape (n,); all 1 where hardly any row would be left.
+
+    `kicked`: whitened residuals (n,) without a kick, with one and with two.
+    """
+    bent = kicked[0] - 2.0 * kicked[1] + kicked[2]
+    rough = uniform_filter1d(bent**2, 2 * int(FELT_S * rate_hz) + 1)
+    spells, count = label(rough > LEAST_BENT**2)
+    worst = maximum(rough, spells, np.arange(count + 1))
+    smooth = (spells == 0) | (worst[spells] < MOST_BENT**2)
+    return np.asarray(smooth, dtype=np.float64) if smooth.mean() > FEWEST_PREDICTABLE else np.ones(smooth.size)

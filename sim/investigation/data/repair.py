@@ -10,23 +10,26 @@ from scipy.ndimage import binary_dilation, find_objects, label, uniform_filter1d
 
 from sim.chain.model import Array
 from sim.investigation.data.data_fault import Fault
-from sim.investigation.data.rigid_body import one_body
-from sim.investigation.data.sample_defects import QUANTA, Rows, bridged, jumps, moves_on, quantum, spikes, stays
+from sim.investigation.data.preprocessing import one_body
+from sim.investigation.data.sample_defects import (
+    BEFORE_ROWS,
+    QUANTA,
+    Rows,
+    bridged,
+    jumps,
+    moves_on,
+    quantum,
+    spikes,
+    stays,
+)
 from sim.mechanisms import EncoderError, LostSamples
 
-REACH_ROWS = 8  # beside a jump over which its size is told
 RETURNS_S = 1.0  # a channel that is back within this time was away; one that stays has slipped
 SLOW_S = 2e-3  # between rows: beyond it a blow is as short as a row
 SHORT_S = 0.1  # over which the torque of the motion tells whether it can have stayed
 MOVES = 0.1  # of the usual speed: below, torque may stay by itself
 SHOWN = 6  # times that a text gives
 SMOOTH_S = 0.02
-SHIFT_HZ = 100.0  # at which a slow slip is looked for
-SHIFT_SHARE = 0.5  # of the squares left that one step must explain
-SHIFT_TURNS = 2  # reversals before and after it, so that what a reversal does is known
-SHIFT_REACH_S = 0.05
-STILL = 1e-3  # of the usual step: what an even clock makes of rows that repeat
-CAUGHT = 0.5  # of the way that was not shown, by which a motor may have changed its speed meanwhile
 OFF = 2.5  # standard deviations
 
 
@@ -76,16 +79,7 @@ def _torque(r: Repaired) -> None:
         alone &= _beyond_all_others(torque, alone)
     stuck = _stuck(bridged(torque, ~alone), angle, r)
     found = alone | stuck
-    if not found.any():
-        return
-    parts = []
-    if alone.any():
-        peak = float(torque[alone][np.argmax(np.abs(torque[alone]))])
-        parts.append(f"{_spells(alone)} stand alone, up to {peak:.4g} N m, at {_times(r, alone)}")
-    if stuck.any():
-        levels = ", ".join(f"{v:.4g}" for v in np.unique(torque[stuck])[:SHOWN])
-        parts.append(f"{int(stuck.sum())} rows stay at {levels} N m while the motor moves, {_spans(r, stuck)}")
-    _name_lost(r, found, "motor", f"Of motor_torque_nm, {'; '.join(parts)}")
+    _name_lost(r, found, "motor", "motor_torque_nm")
     r.torque_lost |= found
 
 
@@ -144,18 +138,9 @@ def _motor(r: Repaired, ratio: float, step_rad: float, irregular: Rows) -> None:
     again = alone & binary_dilation(r.lost, iterations=2)  # of the same kind as those beside them
     r.lost |= again
     alone &= ~again
-    if alone.any():
-        _name_lost(r, alone, "motor", f"Of motor_position_rad, {_spells(alone)} stand alone, at {_times(r, alone)}")
-        r.lost |= alone
-    held = _held_back(angle, step_rad) & ~r.lost
-    if held.any():
-        _name_lost(
-            r,
-            held,
-            "motor",
-            f"Of motor_position_rad, {int(held.sum())} rows stay while the motor moves, {_spans(r, held)}",
-        )
-        r.lost |= held
+    wrong = (alone | _stuck_encoder(angle, step_rad)) & ~r.lost
+    _name_lost(r, wrong, "motor", "motor_position_rad")
+    r.lost |= wrong
     angle = bridged(angle, ~r.lost)
     slips = _slips(angle, ~r.lost)
     if slips and "load" in r.channels:
@@ -163,23 +148,20 @@ def _motor(r: Repaired, ratio: float, step_rad: float, irregular: Rows) -> None:
         skipped = [s for s in slips if any(abs(row - s[0]) <= 1 for row in load)]
     else:
         skipped = [s for s in slips if _whole_rows(angle, *s)]
-    unclear = [s for s in slips if irregular[s[0] : s[0] + 2].any() or _catches_up(angle, s[0])]
+    unclear = [s for s in slips if irregular[s[0] : s[0] + 2].any()]
     skipped += [s for s in unclear if s not in skipped]
     if skipped:
         places = np.zeros(angle.size, dtype=np.bool_)
         for row, _ in skipped:
             places[row : row + 2] = True
         if not r.lost.any():  # else it has been said that rows are missing or repeated
-            what = f"At {_times(r, places)} all encoders jump by the way of a row or more, and rows are missing there"
-            _name_lost(r, places, None, f"{what} that time_s does not show")
+            _name_lost(r, places, None, "all encoders")
         r.lost |= places
     real = [s for s in slips if s not in skipped]
-    r.channels["angle"] = bridged(
-        _put_back(r, angle, real, "motor", "motor_position_rad", "jumps from one row to the next and stays", 1), ~r.lost
-    )
+    r.channels["angle"] = bridged(_put_back(r, angle, real, "motor", "motor_position_rad"), ~r.lost)
 
 
-def _held_back(angle: Array, step_rad: float) -> Rows:
+def _stuck_encoder(angle: Array, step_rad: float) -> Rows:
     """Rows in which the encoder stays, up to a step by far more than any around: the way that was not shown, by a motor
     that moved on as before.
 
@@ -190,10 +172,10 @@ def _held_back(angle: Array, step_rad: float) -> Rows:
     steps = np.abs(ways)
     for rows in stays(angle):
         last = rows.stop - 1
-        if rows.start < REACH_ROWS + 2 or last + REACH_ROWS >= steps.size:
+        if rows.start < BEFORE_ROWS + 2 or last + BEFORE_ROWS >= steps.size:
             continue  # a record may begin before the motion does, and end after it
-        before, into = steps[rows.start - REACH_ROWS - 2 : rows.start - 2], steps[rows.start - 2 : rows.start]
-        around = np.concatenate([before, steps[last + 1 : last + 1 + REACH_ROWS]])
+        before, into = steps[rows.start - BEFORE_ROWS - 2 : rows.start - 2], steps[rows.start - 2 : rows.start]
+        around = np.concatenate([before, steps[last + 1 : last + 1 + BEFORE_ROWS]])
         far = 3.0 * float(around.max()) + QUANTA * step_rad
         away = into.max() > far  # it leads to 0, maybe by a row in between that an even clock has made
         first = rows.start - 2 if away else rows.start
@@ -205,21 +187,9 @@ def _held_back(angle: Array, step_rad: float) -> Rows:
 
 def _whole_rows(angle: Array, row: int, size: float) -> bool:
     """Whether a jump is the way of a whole number of rows, as where rows are missing."""
-    step = float(np.median(np.diff(angle)[max(row - REACH_ROWS, 0) : row + REACH_ROWS]))
+    step = float(np.median(np.diff(angle)[max(row - BEFORE_ROWS, 0) : row + BEFORE_ROWS]))
     rows = size / step if step else 0.0
     return rows > 0.5 and abs(rows - round(rows)) < 0.05 * max(1.0, round(rows))
-
-
-def _catches_up(angle: Array, row: int) -> bool:
-    """Whether a jump makes good the way that the encoder did not show in the rows before, while the motor moved on."""
-    steps = np.diff(angle)
-    stood = 0
-    still = STILL * float(np.median(np.abs(steps)))
-    while row - stood > REACH_ROWS and abs(steps[row - stood - 1]) <= still:
-        stood += 1
-    before, after = steps[max(row - stood - REACH_ROWS, 0) : row - stood], steps[row + 1 : row + 1 + REACH_ROWS]
-    usual = float(np.median(np.concatenate([before, after])))
-    return stood > 0 and usual != 0.0 and abs(steps[row] / ((stood + 1) * usual) - 1.0) < CAUGHT
 
 
 def _load(r: Repaired, ratio: float) -> None:
@@ -234,47 +204,10 @@ def _load(r: Repaired, ratio: float) -> None:
     for first, last in away:
         stuck[first + 1 : last + 1] = True
     found = alone | stuck
-    if found.any():
-        parts = [f"{_spells(alone)} stand alone, at {_times(r, alone)}"] if alone.any() else []
-        parts += [f"{int(stuck.sum())} rows do not follow the motor, {_spans(r, stuck)}"] if stuck.any() else []
-        _name_lost(r, found, "load", f"Of load_position_rad, {'; '.join(parts)}")
+    _name_lost(r, found, "load", "load_position_rad")
     r.load_lost |= found
     clean = bridged(load, ~found)
-    at_once = "jumps from one row to the next and stays"
-    clean = bridged(_put_back(r, clean, slips, "load", "load_position_rad", at_once, 1), ~r.load_lost)
-    shift = _shift(clean - motor, motor, r.channels["torque"], r.rate_hz)
-    if shift:
-        slowly = "shifts against the motor by more than torque, speed and angle explain, and stays"
-        reach = round(SHIFT_REACH_S * r.rate_hz)
-        clean = bridged(_put_back(r, clean, [shift], "load", "load_position_rad", slowly, reach), ~r.load_lost)
-    r.channels["load"] = clean
-
-
-def _shift(twist: Array, motor: Array, torque: Array, rate_hz: float) -> tuple[int, float] | None:
-    """Row and size of one step of the twist that explains most of what torque, speed and angle leave of it.
-
-    `twist`, `motor` [rad at the load], each of shape (n,). Play and springs come back with the motion, a step does not:
-    of good and faulty axes alike a step explains a quarter at most of what is left.
-    """
-    thin = max(1, round(rate_hz / SHIFT_HZ))
-    count = twist.size // thin
-    even, angle, pull = (x[: count * thin].reshape(count, thin).mean(axis=1) for x in (twist, motor, torque))
-    speed = np.gradient(angle)
-    top = float(np.abs(speed).max()) + 1e-300
-    columns = [np.ones(count), pull, np.gradient(speed), speed, np.tanh(30.0 * speed / top), np.sin(angle)]
-    columns += [np.cos(angle), np.linspace(-1.0, 1.0, count)]
-    basis = np.linalg.qr(np.stack([c / (np.abs(c).max() + 1e-300) for c in columns], 1))[0]
-    left = even - basis @ (basis.T @ even)
-    after = np.cumsum(left[::-1])[::-1]
-    free = np.arange(count, 0, -1) - (np.cumsum(basis[::-1], axis=0)[::-1] ** 2).sum(axis=1)
-    turns = np.cumsum(np.abs(np.diff(np.sign(speed[np.abs(speed) > 0.1 * top]), prepend=0.0)) > 1.0)
-    turned = np.interp(np.arange(count), np.flatnonzero(np.abs(speed) > 0.1 * top), turns)
-    inside = (turned >= SHIFT_TURNS) & (turned <= turned[-1] - SHIFT_TURNS) & (free > 1.0)
-    gain = np.where(inside, after**2 / np.maximum(free, 1.0), 0.0)
-    row = int(gain.argmax())
-    if gain[row] < SHIFT_SHARE * float(left @ left) or gain[row] == 0.0:
-        return None
-    return row * thin, float(after[row] / free[row])
+    r.channels["load"] = bridged(_put_back(r, clean, slips, "load", "load_position_rad"), ~r.load_lost)
 
 
 def _frozen(load: Array, motor: Array, good: Rows) -> Rows:
@@ -306,8 +239,8 @@ def _slips(values: Array, good: Rows) -> list[tuple[int, float]]:
 
 
 def _size(values: Array, row: int) -> float:
-    near = np.arange(1, REACH_ROWS + 1) - 0.5
-    before, after = values[row - REACH_ROWS + 1 : row + 1][::-1], values[row + 1 : row + 1 + REACH_ROWS]
+    near = np.arange(1, BEFORE_ROWS + 1) - 0.5
+    before, after = values[row - BEFORE_ROWS + 1 : row + 1][::-1], values[row + 1 : row + 1 + BEFORE_ROWS]
     return float(np.polyfit(near, after, 1)[1] - np.polyfit(near, before, 1)[1])
 
 
@@ -326,49 +259,37 @@ def _returning(
     return away, stay
 
 
-def _put_back(
-    r: Repaired,
-    values: Array,
-    slips: Sequence[tuple[int, float]],
-    location: str,
-    channel: str,
-    does: str,
-    reach: int,
-) -> Array:
-    """The channel without its slips; the `reach` rows beside each do not count."""
+def _put_back(r: Repaired, values: Array, slips: Sequence[tuple[int, float]], location: str, channel: str) -> Array:
+    """The channel without its slips; the rows on either side of each do not count."""
     if not slips:
         return values
     out = values.copy()
     lost = r.load_lost if location == "load" else r.lost
     for row, size in slips:
         out[row + 1 :] -= size
-        lost[max(row + 1 - reach, 0) : row + 1 + reach] = True
+        lost[row : row + 2] = True
     row, size = max(slips, key=lambda s: abs(s[1]))
     times = ", ".join(f"{1e3 * s:.4g} mrad at {r.at(i + 1):.5g} s" for i, s in slips[:SHOWN])
     more = f" and {len(slips) - SHOWN} times more" if len(slips) > SHOWN else ""
     text = (
-        f"{channel} {does}: by {times}{more}. No drive train moves so: the encoder or its coupling has slipped, it has "
-        "lost counts, or a clutch, belt or hub has slipped. What it slipped by was put back."
+        f"{channel} jumps from one row to the next and stays: by {times}{more}. No drive train moves so: the encoder "
+        "or its coupling has slipped, it has lost counts, or a clutch, belt or hub has slipped. What it slipped by was "
+        "put back."
     )
     r.faults.append(Fault(EncoderError.name, location, {"slip_rad": size, "time_s": r.at(row + 1)}, text))
     return out
 
 
-def _name_lost(r: Repaired, rows: Rows, location: str | None, what: str) -> None:
+def _name_lost(r: Repaired, rows: Rows, location: str | None, channel: str) -> None:
+    """Name rows that no axis can have made; nothing where there are none."""
+    if not rows.any():
+        return
     share, first = float(rows.mean()), int(np.argmax(rows))
-    text = f"{what}: {share:.2%} of all; they were left out."
+    text = (
+        f"Of {channel}, {int(rows.sum())} rows stand alone, stay while the axis moves on, or jump by the way of rows "
+        f"that are missing, {_spans(r, rows)}: {share:.2%} of all; they were left out."
+    )
     r.faults.append(Fault(LostSamples.name, location, {"fraction": share, "time_s": r.at(first)}, text))
-
-
-def _spells(rows: Rows) -> str:
-    count = int(label(rows)[1])
-    return f"{count} values" if count > 1 else "1 value"
-
-
-def _times(r: Repaired, rows: Rows) -> str:
-    spells = find_objects(label(rows)[0])
-    shown = ", ".join(f"{r.at(spell.start):.5g}" for (spell,) in spells[:SHOWN])
-    return shown + (", ... s" if len(spells) > SHOWN else " s")
 
 
 def _spans(r: Repaired, rows: Rows) -> str:

@@ -13,8 +13,7 @@ import numpy as np
 
 from sim.chain.model import Chain, ChainError
 from sim.description.axis import Axis
-from sim.investigation.data import chatter
-from sim.investigation.data.preprocessing import Measurement
+from sim.investigation.data.preprocessing import KICK, Measurement, linear_rows
 from sim.investigation.estimation.doubts import by_doubts
 from sim.investigation.estimation.estimate import Array, Fit, Raw, Start
 from sim.investigation.estimation.levenberg_marquardt import (
@@ -390,9 +389,9 @@ class Problem:
         rows = self.measurement.samples
         kicked = [
             other.residual(terms, {p.name: values[p.name] + kick * _inwards(p, values[p.name]) for p in parameters})
-            for kick in (0.0, chatter.KICK, 2.0 * chatter.KICK)
+            for kick in (0.0, KICK, 2.0 * KICK)
         ]
-        counts = chatter.linear_rows([left[:rows] for left in kicked], self.measurement.rate_hz)
+        counts = linear_rows([left[:rows] for left in kicked], self.measurement.rate_hz)
         return other.measuring(replace(other.measurement, predictable=counts))
 
     def with_all_rows(self) -> Problem:

@@ -11,8 +11,8 @@ from sim.investigation.estimation.doubts import by_doubts
 from sim.investigation.estimation.estimate import Array, Fit
 from sim.investigation.estimation.problem import Problem
 from sim.investigation.estimation.whitening import LONG, Noise
+from sim.investigation.hypotheses.hypothesis import OVER_SPEED
 from sim.investigation.hypotheses.nonparametric import apart
-from sim.investigation.hypotheses.traits import OVER_SPEED
 from sim.investigation.model.nominal import MOTOR_RELEASE, MOTOR_STRETCH, MOTOR_STRETCH_RAD, has_links
 
 MOTION_BAND_HZ = 40.0

@@ -8,24 +8,186 @@ from dataclasses import replace
 import numpy as np
 
 from sim import mechanisms
-from sim.chain.model import Chain
+from sim.chain.model import Chain, with_shaft
 from sim.description.axis import Axis
-from sim.investigation.data.angle_series import errors_over
-from sim.investigation.data.excitation import excitation_of
+from sim.investigation.data.excitation import errors_over, excitation_of
 from sim.investigation.data.plausibility import LEAST_TURN
-from sim.investigation.data.preprocessing import Measurement
+from sim.investigation.data.preprocessing import LOAD_CUT_HZ, Array, Measurement
 from sim.investigation.hypotheses.friction import asymmetry, friction_felt, friction_terms, stribeck
 from sim.investigation.hypotheses.gear_mesh import MOTOR, kinematic_terms, link_terms, ripple
 from sim.investigation.hypotheses.generic import ORDERS as RIPPLE_ORDERS
 from sim.investigation.hypotheses.generic import terms_of_catalogue
-from sim.investigation.hypotheses.hypothesis import Term
-from sim.investigation.hypotheses.identifiability import highest_order, lowest_order, that_show
-from sim.investigation.hypotheses.sensors import HIGHEST_HUM, HUM_HZ, delay, encoder_error, hum, offset
-from sim.investigation.hypotheses.structure import gravity, resonance, weight
+from sim.investigation.hypotheses.hypothesis import (
+    AS_NEW_FACTOR,
+    ENCODER_ERROR,
+    Term,
+    amplitude,
+    cosine_and_sine,
+    cosine_and_sine_probe,
+    parameter_key,
+    unchanged,
+)
+from sim.investigation.hypotheses.identifiability import HIGHEST_HUM, HUM_HZ, highest_order, lowest_order, that_show
+from sim.investigation.model.effects import swing, swing_response
 from sim.investigation.model.nominal import (
     has_links,
+    locked_mode_hz,
     stages_of,
 )
+from sim.investigation.model.parameters import Owner, Parameter, Values
+from sim.mechanisms import (
+    ElectricalHum,
+    EncoderError,
+    GravityImbalance,
+    StructuralResonance,
+    TimeDelay,
+    TorqueGain,
+    TorqueOffset,
+)
+
+SOFTEST = 0.1  # damping ratio from which nothing swings: what is late or wrong in form asks for more
+LEAST_PEAK = 0.5  # torque of a part that swings at its own frequency over that of the whole load, where damped by SHARP
+SHARP = 0.035  # damping ratio; softer parts count less: of 45 good loads none that seems sharp gains enough to matter
+HIGHEST_SWING_HZ = 0.6 * LOAD_CUT_HZ
+
+
+def gravity(step: float, shaft: int) -> Term:
+    pair = cosine_and_sine(f"{GravityImbalance.name}@load", step, "N m")
+    sine, cosine = (p.name for p in pair)
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        size, phase = math.hypot(values[sine], values[cosine]), math.atan2(values[cosine], values[sine])
+        return with_shaft(chain, shaft, gravity_n_m=size, gravity_phase_rad=phase)
+
+    probes = (tuple({p.name: step} for p in pair),)
+    report = amplitude(pair, "torque_n_m", "phase_rad")
+    return Term(GravityImbalance.name, "load", pair, probes, report, apply, size=0.05 * step)
+
+
+def weight(step: float) -> Term:
+    """The same of one body at its motor, over the angle of what that moves and felt there."""
+    term = gravity(step, 0)
+    sine, cosine = (p.name for p in term.parameters)
+
+    def torque(m: Measurement, values: Values) -> Array:
+        angle = m.angle / m.gear
+        return np.asarray((values[sine] * np.sin(angle) + values[cosine] * np.cos(angle)) / m.gear)
+
+    return replace(term, apply=unchanged, torque=torque)
+
+
+def resonance(axis: Axis) -> Term:
+    """A part of the load that swings on a spring of its own, where the load's motion is known well enough."""
+    names = [parameter_key(StructuralResonance.name, "load", p) for p in ("share", "frequency_hz", "damping_ratio")]
+    share, frequency, damping = names
+    mode = locked_mode_hz(axis)
+    start = min(mode, 0.8 * HIGHEST_SWING_HZ)
+
+    def torque(m: Measurement, values: Values) -> Array:
+        return -swing(m, axis.load.inertia_kg_m2, *(values[name] for name in names))
+
+    parameters = (
+        Parameter(share, 0.0, 0.005, low=0.0, high=1.0),
+        Parameter(frequency, start, 0.003 * start, low=0.3 * start, high=HIGHEST_SWING_HZ, unit="Hz"),
+        Parameter(damping, 0.02, 0.002, 0.02, 0.002, SOFTEST),
+    )
+    grid = np.geomspace(0.5 * start, min(2.0 * mode, HIGHEST_SWING_HZ), 24)
+    probes = tuple(({share: 0.02, frequency: float(f)},) for f in grid)
+    return Term(
+        StructuralResonance.name, "load", parameters, probes,
+        lambda v: {"frequency_hz": v[frequency], "share": v[share], "damping_ratio": v[damping]},
+        load_torque=torque, positive=True, nonlinear=True,
+        response=lambda s, v: swing_response(s, v[share], v[frequency], v[damping]),
+        size=LEAST_PEAK, shape=(frequency, damping),
+        magnitude=lambda v: v[share] / (2.0 * v[damping]) * SHARP / v[damping] if v[damping] < SOFTEST else 0.0,
+    )  # fmt: skip
+
+
+LATEST_S = 0.02  # what wants to be later is no delay
+EDGE_S = 0.1  # over which a factor changes
+HUM_SHARE = 0.003  # of the torque: less hum does not matter
+
+
+def offset(level: float, peak: float = math.inf) -> Term:
+    """Of the torque channel; `level`: rms of the torque, `peak`: the largest of it [N m].
+
+    What wants to be larger than all that was measured is no offset: it stands against something else.
+    """
+    name, step = "offset_n_m", 0.01 * level
+    return Term(
+        TorqueOffset.name, "motor", (Parameter(name, 0.0, step, low=-peak, high=peak, unit="N m"),), (({name: step},),),
+        lambda v: {"torque_n_m": v[name]}, replaces=(name,), size=0.5 * step,
+        magnitude=lambda v: v[name] if abs(v[name]) < 0.99 * peak else 0.0,
+    )  # fmt: skip
+
+
+def delay(name: str, location: str, size: float) -> Term:
+    parameters = (Parameter(name, 0.0, 0.2 * size, low=-LATEST_S, high=LATEST_S, unit="s"),)
+    return Term(
+        TimeDelay.name, location, parameters, (({name: size},), ({name: -size},)), lambda v: {"delay_s": v[name]},
+        replaces=(name,), size=size, magnitude=lambda v: v[name] if abs(v[name]) < 0.99 * LATEST_S else 0.0,
+    )  # fmt: skip
+
+
+def gain(level: float, duration_s: float, start_s: float, end_s: float, among: int) -> Term:
+    """The torque channel read by another factor between two times, which a fit may move.
+
+    `level`: usual share [1]; `among`: windows of which this one was picked. The factor turns over `EDGE_S`, so that
+    what is left has a slope over either time.
+    """
+    share, start, end = (parameter_key(TorqueGain.name, "motor", p.name) for p in TorqueGain.parameters)
+
+    def torque(m: Measurement, values: Values) -> Array:
+        since, until = ((m.time_s - values[name]) / EDGE_S for name in (start, end))
+        factor = values[share] * 0.5 * (np.tanh(since) - np.tanh(until))
+        return np.asarray(m.torque * factor / (1.0 + factor))
+
+    numbers = TorqueGain.parameters[0]
+    parameters = (
+        Parameter(share, 0.0, 0.1 * level, low=numbers.low, high=numbers.high),
+        Parameter(start, start_s, 0.5 * EDGE_S, low=0.0, high=duration_s, unit="s"),
+        Parameter(end, end_s, 0.5 * EDGE_S, low=0.0, high=duration_s, unit="s"),
+    )
+    return Term(
+        TorqueGain.name, "motor", parameters, (({share: level},),),
+        lambda v: {"share": v[share], "start_s": v[start], "end_s": v[end]},
+        torque=torque, shape=(start, end), size=0.5 * level, among=among,
+        magnitude=lambda v: v[share] if abs(v[share]) < 0.99 * numbers.high else 0.0,
+    )  # fmt: skip
+
+
+def hum(frequency: float, level: float) -> Term:
+    """Hum of the mains in the torque channel at a frequency [Hz]; `level`: rms of the torque [N m], for its step."""
+    prefix = f"{ElectricalHum.name}{frequency:g}@motor"
+    step = 0.01 * level
+
+    def torque(m: Measurement, values: Values) -> Array:
+        turn = 2.0 * np.pi * frequency * m.time_s
+        return values[f"{prefix}.sine"] * np.sin(turn) + values[f"{prefix}.cosine"] * np.cos(turn)
+
+    def report(values: Values) -> dict[str, float]:
+        sine, cosine = values[f"{prefix}.sine"], values[f"{prefix}.cosine"]
+        return {
+            "torque_n_m": math.hypot(sine, cosine),
+            "frequency_hz": frequency,
+            "phase_rad": math.atan2(cosine, sine),
+        }
+
+    waves = tuple(replace(p, owner=Owner.MOTION) for p in cosine_and_sine(prefix, step, "N m"))
+    return Term(
+        ElectricalHum.name, "motor", waves, cosine_and_sine_probe(prefix, step), report,
+        torque=torque, size=HUM_SHARE * level, frequency_hz=frequency,
+    )  # fmt: skip
+
+
+def encoder_error(axis: Axis) -> Term:
+    names = ENCODER_ERROR
+    step = max(axis.load_encoder.error_rad, 1e-5)
+    parameters = tuple(Parameter(name, 0.0, step, unit="rad") for name in names)
+    probes = (tuple({name: 2.0 * AS_NEW_FACTOR * step} for name in names),)
+    report = amplitude(parameters, "amplitude_rad", "phase_rad")
+    return Term(EncoderError.name, "load", parameters, probes, report, replaces=names, size=AS_NEW_FACTOR * step)
+
 
 MOST_OF_SPEED = 0.4  # largest of the speeds at which low-speed friction has fallen
 

@@ -9,8 +9,7 @@ import numpy as np
 from sim.chain.model import Chain, with_shaft
 from sim.description.axis import Axis
 from sim.investigation.data.preprocessing import Measurement
-from sim.investigation.hypotheses.harmonics import parameter_key
-from sim.investigation.hypotheses.hypothesis import Term
+from sim.investigation.hypotheses.hypothesis import Term, parameter_key
 from sim.investigation.model.effects import lopsided
 from sim.investigation.model.nominal import (
     has_links,

@@ -12,15 +12,15 @@ from sim.chain.model import Chain, Dent, with_link
 from sim.description.axis import Axis
 from sim.description.transmission import link_stiffness
 from sim.investigation.data.preprocessing import Array, Measurement
-from sim.investigation.hypotheses.harmonics import (
+from sim.investigation.hypotheses.hypothesis import (
     AS_NEW_FACTOR,
     ENCODER_ERROR,
+    Term,
     amplitude,
     cosine_and_sine,
     cosine_and_sine_probe,
     parameter_key,
 )
-from sim.investigation.hypotheses.hypothesis import Term
 from sim.investigation.model.nominal import (
     LOSS_SPLITS,
     PARTS,

@@ -20,8 +20,7 @@ from sim.chain.reduction import chain_of
 from sim.description.axis import Axis
 from sim.errors import SimulationError
 from sim.investigation.data.preprocessing import Measurement
-from sim.investigation.hypotheses.harmonics import AS_NEW_FACTOR, amplitude, cosine_and_sine, parameter_key
-from sim.investigation.hypotheses.hypothesis import Term
+from sim.investigation.hypotheses.hypothesis import AS_NEW_FACTOR, Term, amplitude, cosine_and_sine, parameter_key
 from sim.investigation.model.known_mechanisms import Effect, carried_over, loosens, plain_train
 from sim.investigation.model.parameters import Parameter, Values
 from sim.mechanisms.catalogue import kind_of
@@ -83,7 +82,7 @@ def _mechanics(axis: Axis, effect: Effect, shapes: Sequence[Shape], m: Measureme
 def _distortion(kind: type[Distortion], axis: Axis, m: Measurement, shapes: Sequence[Shape]) -> Iterator[Term]:
     """One that distorts the torque alone: what is read too much is that of the torque that would be read as it was."""
     place = kind.locations(axis)[0]
-    told = _told(m)
+    told = _distorted_channels(m)
     usual = kind(place).distort(told, axis).channels
     if not all(np.array_equal(usual[name], values) for name, values in told.channels.items() if name != TORQUE):
         return  # of a channel that drives the model
@@ -98,7 +97,7 @@ def _distortion(kind: type[Distortion], axis: Axis, m: Measurement, shapes: Sequ
 
 def undistorted(distortion: Distortion, m: Measurement, axis: Axis) -> Array:
     """The torque [N m] that is read as it was measured, shape (n,), by fixed-point iteration."""
-    told = _told(m)
+    told = _distorted_channels(m)
     torque = m.torque
     for _ in range(INVERSIONS):
         read = distortion.distort(replace(told, channels={**told.channels, TORQUE: torque}), axis)[TORQUE]
@@ -116,7 +115,7 @@ def read_too_much(axis: Axis, m: Measurement) -> Array:
     return out
 
 
-def _told(m: Measurement) -> Telemetry:
+def _distorted_channels(m: Measurement) -> Telemetry:
     """Channels that a distortion may look at, as they were prepared."""
     seen = {TORQUE: m.torque, "motor_position_rad": m.angle, "motor_speed_rad_s": m.speed}
     if m.load_angle is not None and m.load_speed is not None:

@@ -2,17 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim import mechanisms
 from sim.chain.model import Chain
 from sim.investigation.data.preprocessing import Measurement
-from sim.investigation.hypotheses.traits import traits_of
 from sim.investigation.model.parameters import Parameter, Values
-from sim.mechanisms.mechanism import Traits
+from sim.mechanisms.catalogue import kind_or_any
+from sim.mechanisms.mechanism import Law, Traits
+
+OVER_SPEED, OVER_ANGLE = "friction_over_speed", "friction_over_angle"
+FIXED = "fixed_frequency"
+ERROR_OVER_ANGLE = "error_over_angle"
+AS_NEW = "torque_over_angle"  # as new, as errors of teeth are: it enters a model, and is not spoken of
+
+NAMELESS: Mapping[str, Traits] = MappingProxyType(
+    {
+        OVER_SPEED: Traits(least_share=0.003, form_left=0.2),  # a curve stands for a law that has no name
+        OVER_ANGLE: Traits(least_share=0.002, form_left=0.2),
+        # a difference of angles, as a gap and a spring make: what the form of these leaves lies over the angle, too
+        ERROR_OVER_ANGLE: Traits(least_share=0.002, in_every_axis=True, laws=frozenset({Law.SPRING})),
+        FIXED: Traits(least_share=0.002, restless=True),
+        AS_NEW: Traits(),
+    }
+)
+OVER_SPEED_AT_LOAD = 0.002  # least share of the squared residual
+
+
+def mechanisms_with(trait: Callable[[Traits], bool]) -> frozenset[str]:
+    """Names of the catalogue that have a trait."""
+    return frozenset(name for name, kind in mechanisms.MECHANISMS.items() if trait(kind.traits))
+
+
+def traits_of(mechanism: str) -> Traits:
+    """Of a mechanism of the catalogue or of structure without a name."""
+    return NAMELESS[mechanism] if mechanism in NAMELESS else kind_or_any(mechanism).traits
+
 
 Array = NDArray[np.float64]
 Apply = Callable[[Chain, Values], Chain]
@@ -82,3 +113,32 @@ class Term:
     @property
     def traits(self) -> Traits:
         return traits_of(self.mechanism)
+
+
+ENCODER_ERROR = ("load_encoder.error_sine_rad", "load_encoder.error_cosine_rad")
+AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
+
+
+def parameter_key(mechanism: str, location: str | None, parameter: str) -> str:
+    """How a parameter of a mechanism at its place is called."""
+    return f"{mechanism}@{location}.{parameter}"
+
+
+def cosine_and_sine(prefix: str, step: float, unit: str) -> tuple[Parameter, Parameter]:
+    """Both parameters of an oscillation of which neither size nor phase is known, at none of it."""
+    return Parameter(f"{prefix}.sine", 0.0, step, unit=unit), Parameter(f"{prefix}.cosine", 0.0, step, unit=unit)
+
+
+def cosine_and_sine_probe(prefix: str, step: float) -> tuple[tuple[Mapping[str, float], ...], ...]:
+    """The step by which such an oscillation is tried; its phase follows from the fit."""
+    return (({f"{prefix}.sine": step}, {f"{prefix}.cosine": step}),)
+
+
+def amplitude(pair: Sequence[Parameter], name: str, phase: str) -> Report:
+    """A report of size and phase [rad] from both parameters."""
+    sine, cosine = (p.name for p in pair)
+
+    def report(values: Values) -> dict[str, float]:
+        return {name: math.hypot(values[sine], values[cosine]), phase: math.atan2(values[cosine], values[sine])}
+
+    return report

@@ -15,11 +15,12 @@ from sim.investigation.data.excitation import Excitation, excitation_of, lacking
 from sim.investigation.data.plausibility import LEAST_TURN
 from sim.investigation.data.preprocessing import LEAST_ROWS, Measurement
 from sim.investigation.hypotheses.hypothesis import Term
-from sim.investigation.hypotheses.sensors import HIGHEST_HUM, HUM_HZ
 from sim.investigation.model.nominal import has_links
 from sim.mechanisms.mechanism import Mechanism, Need
 
 MOTOR = "motor"
+HUM_HZ = (50.0, 60.0, 100.0, 120.0)
+HIGHEST_HUM = 0.4  # of the sample rate
 HALF = 0.5  # of a turn, in which a wave of one per turn goes from end to end: less is a slope or a bend
 MOST_ORDERS = 400  # of a ripple: slots times pole pairs of the finest motors
 ALONE = 0.5  # the most that a name can have which another fits as well

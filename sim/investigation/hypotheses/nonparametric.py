@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 from sim.chain.model import Array, Chain, with_link
 from sim.description.axis import Axis
 from sim.description.transmission import compliance
-from sim.investigation.data.angle_series import beyond_twice, orders_beyond_twice
+from sim.investigation.data.excitation import beyond_twice, orders_beyond_twice
 from sim.investigation.data.preprocessing import Measurement
-from sim.investigation.hypotheses.hypothesis import Term
-from sim.investigation.hypotheses.traits import (
+from sim.investigation.hypotheses.hypothesis import (
     AS_NEW,
     ERROR_OVER_ANGLE,
     FIXED,
     OVER_ANGLE,
     OVER_SPEED,
     OVER_SPEED_AT_LOAD,
+    Term,
 )
 from sim.investigation.model.nominal import LOAD_CURVE, PARTS, wave
 from sim.investigation.model.parameters import Owner, Parameter, Values

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,21 +15,21 @@ from signals.telemetry import MINIMUM_ROWS, Telemetry
 from sim.description.axis import Axis
 from sim.investigation.assessment.calibration import WEIGHTS
 from sim.investigation.data.channel_checks import ALIKE, UNITS, check_channels
-from sim.investigation.data.clock import EvenRecord, evened
 from sim.investigation.data.preprocessing import MOTION_CUT_HZ, Measurement, prepare
-from sim.investigation.data.sample_defects import bridged, quantum, spikes
-from sim.investigation.data.validation import InvestigationError, check_clock, reading_remarks
+from sim.investigation.data.sample_defects import QUANTA, bridged, quantum, spikes
+from sim.investigation.data.validation import EvenRecord, InvestigationError, check_clock, evened, reading_remarks
 from sim.investigation.extended_axis import extended_by
 from sim.investigation.hypotheses.identifiability import ALONE
-from sim.investigation.kinematics.as_new import AsNew, like_a_gap, place_of_gap
 from sim.investigation.kinematics.motion_findings import (
+    AsNew,
     columns_of,
     findings_in_motion,
     gain_in_motion,
+    like_a_gap,
     nameless_in_motion,
+    place_of_gap,
     remarks_on_motion,
 )
-from sim.investigation.kinematics.pull_test import STEPS, PullTest, pull_test
 from sim.investigation.kinematics.transmission_error import INSIDE, Amplitude, TransmissionError, transmission_error
 from sim.investigation.report.formatting import angle, number
 from sim.investigation.report.panels import Panel
@@ -39,7 +40,90 @@ from sim.mechanisms.catalogue import kind_of
 
 Array = NDArray[np.float64]
 
-ABOUT = 0.1  # of a way, by which lost motion at its ends may shorten it
+HELD_S = 1.0  # in which a load comes to rest behind its motor
+REST_S = 0.3  # that the load stays at a place at least: a hand holds it so long, nothing that rings does
+RATE_HZ = 30.0  # ten rows in such a rest
+STANDS = 0.1  # of a way, within which something stands, and lost motion at its ends may shorten it
+
+
+@dataclass(frozen=True)
+class RestPosition:
+    """Where the load stayed [rad], and for how many rows."""
+
+    angle: float
+    rows: int
+
+
+@dataclass(frozen=True)
+class PullTest:
+    """Ways between places of the load [rad]: pulled one way and the other, and let go after either."""
+
+    pulled: tuple[float, ...]
+    let_go: tuple[float, ...]
+
+
+def pull_test(time_s: Array, motor: Array, load: Array) -> PullTest | None:
+    """Find where a load was pulled to and fro; angles at the load, shape (n,) [rad]. None where it was not."""
+    step = quantum(load)
+    time_s, motor, load = _thinned(time_s, motor, load)
+    interval = float(np.median(np.diff(time_s)))
+    rest, settle = max(3, round(REST_S / interval)), round(HELD_S / interval)
+    pulled: list[float] = []
+    let_go: list[float] = []
+    for first, end in _runs(motor, STANDS * float(np.ptp(motor - load))):
+        held = load[first + settle : end]
+        places = _places(held, rest) if held.size and np.ptp(held) > QUANTA * step else []
+        ends = [k for k in range(1, len(places) - 1) if _turns(places[k - 1 : k + 2])]
+        pulled += [abs(places[b].angle - places[a].angle) for a, b in pairwise(ends)]
+        between = [places[a + 1 : b] for a, b in pairwise([*ends, len(places) - 1])]
+        for one, other in pairwise(between):
+            if one and other:
+                let_go.append(abs(_longest(one).angle - _longest(other).angle))
+    return PullTest(tuple(pulled), tuple(let_go)) if pulled else None
+
+
+def _turns(three: Sequence[RestPosition]) -> bool:
+    """Whether the middle one is the furthest of three."""
+    before, here, after = (place.angle for place in three)
+    return (here - before) * (here - after) > 0.0
+
+
+def _longest(places: Sequence[RestPosition]) -> RestPosition:
+    return max(places, key=lambda place: place.rows)
+
+
+def _places(load: Array, rest: int) -> list[RestPosition]:
+    """Where the load stays for at least `rest` rows, one after the other."""
+    stands = STANDS * float(np.ptp(load))
+    out: list[RestPosition] = []
+    for first, end in _runs(load, stands):
+        if end - first < rest:
+            continue
+        here = RestPosition(float(np.median(load[first:end])), end - first)
+        if out and abs(out[-1].angle - here.angle) <= stands:
+            here = RestPosition(out[-1].angle if out[-1].rows > here.rows else here.angle, out.pop().rows + here.rows)
+        out.append(here)
+    return out
+
+
+def _runs(values: Array, within: float) -> Iterator[tuple[int, int]]:
+    """First and last row (not included) of stretches whose range is `within`, from the first row on."""
+    first, low, high = 0, float(values[0]), float(values[0])
+    for row, value in enumerate(values.tolist()):
+        low, high = min(low, value), max(high, value)
+        if high - low > within:
+            yield first, row
+            first, low, high = row, value, value
+    yield first, values.size
+
+
+def _thinned(time_s: Array, *channels: Array) -> tuple[Array, ...]:
+    """Means over intervals of `RATE_HZ`, of a slower clock the rows themselves."""
+    _, place = np.unique(np.floor((time_s - time_s[0]) * RATE_HZ), return_inverse=True)
+    count = np.bincount(place)
+    return tuple(np.bincount(place, values) / count for values in (time_s, *channels))
+
+
 FOLLOWS = 0.99  # correlation of two angles of the same motion
 SLOWEST_HZ = 2.0  # of a load that is held or comes to rest for a second and more
 SHOWN = 120  # points over the angle
@@ -62,7 +146,7 @@ MISSING = (
     "motor_position_rad and load_position_rad, or load_position_rad and the reference_position_rad of a motor that "
     "holds while the load is moved by hand"
 )
-STANDS = (
+NO_MOTION = (
     "load_position_rad: the load does not move; a record of the axis in motion, or of the load moved by hand against "
     "a motor that holds, is needed; support the load first, for it may drop"
 )
@@ -107,14 +191,14 @@ def encoders_alone(axis: Axis, telemetry: Telemetry) -> EncodersAlone:
     if load.size < MINIMUM_ROWS:
         raise InvestigationError(NOT_STEADY)
     step = quantum(load)
-    if float(np.ptp(load)) <= STEPS * step:
-        raise InvestigationError(STANDS)
+    if float(np.ptp(load)) <= QUANTA * step:
+        raise InvestigationError(NO_MOTION)
     driven, told_at = _driven(axis, motor_name, motor, load)
     remarks = [*record.remarks, *told_at, *reading_remarks(telemetry)]
     m = prepare(rate, np.zeros(load.size), driven * axis.ratio, load, good, good, MOTION_CUT_HZ)
     time_s = record.telemetry.time_s
     if _follows_otherwise(driven, load):
-        check_channels(axis, {"angle": driven * axis.ratio, "load": load}, rate)
+        check_channels(axis, {"angle": driven * axis.ratio, "load": load})
     pulled = pull_test(time_s, driven, load)
     if pulled is not None:
         findings = _of_pull(axis, pulled, step)
@@ -124,7 +208,7 @@ def encoders_alone(axis: Axis, telemetry: Telemetry) -> EncodersAlone:
     if motor_name == "reference_position_rad":
         raise InvestigationError(NOT_HELD)
     if _alike(driven, load) < FOLLOWS or not _as_far(driven, load, ALIKE):
-        check_channels(axis, {"angle": driven * axis.ratio, "load": load}, rate)
+        check_channels(axis, {"angle": driven * axis.ratio, "load": load})
     seen = transmission_error(axis, m)
     if seen is None:
         raise InvestigationError(NOT_STEADY)
@@ -161,7 +245,7 @@ def _alike(one: Array, other: Array) -> float:
     return float(parts[0] @ parts[1]) / size if size > 0.0 else 0.0
 
 
-def _as_far(one: Array, other: Array, about: float = ABOUT) -> bool:
+def _as_far(one: Array, other: Array, about: float = STANDS) -> bool:
     """Whether two angles come about as far."""
     ways = sorted((float(np.ptp(one)), float(np.ptp(other))))
     return ways[0] > (1.0 - about) * ways[1]
@@ -173,7 +257,7 @@ def _driven(axis: Axis, name: str, motor: Array, load: Array) -> tuple[Array, tu
     Not where the ratio is about the factor of a unit, and a wrong unit would look the same.
     """
     at_load = motor / axis.ratio
-    if min(abs(math.log(axis.ratio / unit)) for unit in (1.0, *UNITS)) < ABOUT:
+    if min(abs(math.log(axis.ratio / unit)) for unit in (1.0, *UNITS)) < STANDS:
         return at_load, ()
     if not _as_far(motor, load) or _alike(motor, load) <= 0.0:
         return at_load, ()

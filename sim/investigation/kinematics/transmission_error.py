@@ -22,8 +22,7 @@ from scipy.stats import f as f_distribution
 from scipy.stats import t as t_distribution
 
 from sim.description.axis import Axis
-from sim.investigation.data.angle_series import ERROR_ORDERS, is_whole, over_the_way
-from sim.investigation.data.excitation import lacking_at
+from sim.investigation.data.excitation import ERROR_ORDERS, is_whole, lacking_at, over_the_way
 from sim.investigation.data.preprocessing import LEAST_ROWS, STANDSTILL_SHARE, Measurement, standstill_weight
 from sim.mechanisms import Eccentricity, EncoderError, MeshError
 from sim.mechanisms.catalogue import mechanism_of

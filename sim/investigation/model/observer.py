@@ -14,7 +14,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from sim.chain.integrate import steady_start
 from sim.chain.model import Array, Chain
-from sim.investigation.data.angle_series import beyond_twice
+from sim.investigation.data.excitation import beyond_twice
 from sim.investigation.data.preprocessing import LOAD_MOTION_CUT_HZ, Measurement
 from sim.investigation.model.observer_kernel import loudness, motor_torque, run, shaken
 from sim.investigation.model.packing import Packed, lag_of, pack, substeps

@@ -12,6 +12,7 @@ from scipy.interpolate import make_interp_spline
 
 from sim.chain.model import Array
 from sim.description.axis import Axis
+from sim.investigation.data.excitation import WHOLE
 from sim.investigation.data.preprocessing import Measurement
 from sim.investigation.model.nominal import has_links
 
@@ -19,10 +20,8 @@ DURATION_S = 10.0
 LEVELS = (0.05, 0.15, 0.35, 0.65, 1.0)  # of the top speed, at which a law of friction shows
 STROKE_S = 1.2  # at one even speed, at most
 SLOW = 1.0 / 3.0
-FASTER = 1.2  # times as fast: less is the same motion
+FASTER = 1.2  # times as fast, or as far: less is the same motion
 SHORT = 1.0 / 8.0  # of the travel
-ROOM = 1.2  # times the present travel: less is no larger angle
-WHOLE_TURN = 0.95
 RAMPS_S = (0.1, 0.6)  # within which speeds are reached, by the largest acceleration of the present motion
 
 
@@ -68,7 +67,7 @@ class Present:
 
     @property
     def one_way(self) -> bool:
-        return abs(float(self.angle[-1] - self.angle[0])) > WHOLE_TURN * self.travel
+        return abs(float(self.angle[-1] - self.angle[0])) > WHOLE * self.travel
 
     def moves(self, angle: Array) -> bool:
         """Whether a motion has any row that would count: one that begins with a rest may end before it moves."""
@@ -78,7 +77,7 @@ class Present:
     @property
     def can_turn(self) -> bool:
         """Whether more than what has been seen of a turn of the load is left to see."""
-        return bool(self.axis.stages) and self.travel / self.axis.ratio < WHOLE_TURN * 2.0 * math.pi
+        return bool(self.axis.stages) and self.travel / self.axis.ratio < WHOLE * 2.0 * math.pi
 
 
 Motion = Callable[[Present], Array | None]  # angle of the motor [rad] over its rows; None: not on this axis
@@ -148,7 +147,7 @@ def full_turn(present: Present) -> Array | None:
         return None
     half = 0.5 * DURATION_S
     speed = min(present.top, 2.0 * math.pi * present.axis.ratio / (half - RAMPS_S[1]))
-    if speed * half < ROOM * present.travel:
+    if speed * half < FASTER * present.travel:
         return None
     middle = 0.5 * float(present.angle.min() + present.angle.max())
     return _moved(present, speed * _to_and_fro(present.rows, half * present.rate_hz), middle - 0.5 * speed * half)

@@ -32,7 +32,6 @@ from sim.investigation.data.validation import InvestigationError, examine
 from sim.investigation.hypotheses.identifiability import ALONE
 from sim.investigation.investigate import Progress, investigate, with_action
 from sim.investigation.next_measurement.advice import in_words
-from sim.investigation.pooling.log_odds import Name, against, existence, logistic
 from sim.investigation.pooling.pooled_estimates import (
     ANGLES,
     NamedRecording,
@@ -40,17 +39,20 @@ from sim.investigation.pooling.pooled_estimates import (
     calibrated,
     denied,
     extension,
-    from_the_least_bent,
     pooled_sizes,
     sizes,
     under_one_model,
 )
 from sim.investigation.pooling.recording_evidence import (
+    Name,
     Weighed,
+    against,
     called,
+    existence,
     finding_named,
     found_at,
     is_own,
+    logistic,
     shows,
     the_same_together,
     weighed,
@@ -152,8 +154,6 @@ def _combined(
     if worse := denied(parts, said):
         named = weighed(results, worse)
         said, parts = _under_one_model(recordings, results, named, progress)
-    progress("numbers of one recording tried on the others", 0.97)
-    parts = from_the_least_bent(parts)
     own = _own(parts, named)
     named = {name: one for name, one in named.items() if not is_own(name)}
     said = [name for name in said if not is_own(name)]

@@ -21,16 +21,22 @@ from sim.investigation.assessment.residual_structure import structure_of
 from sim.investigation.assessment.verdict import AT_LOAD, left
 from sim.investigation.estimation.estimate import Fit
 from sim.investigation.estimation.problem import Problem
-from sim.investigation.estimation.refit import BENT, all_rows, final_fit
+from sim.investigation.estimation.refit import all_rows, final_fit
 from sim.investigation.extended_axis import extended_by
-from sim.investigation.hypotheses.hypothesis import Term
-from sim.investigation.hypotheses.traits import AS_NEW, traits_of
-from sim.investigation.model.parameters import Owner
-from sim.investigation.pooling.log_odds import Known, LogOdds, Name, pooled
-from sim.investigation.pooling.recording_evidence import finding_named, found_at, instead, is_own, term_name
+from sim.investigation.hypotheses.hypothesis import AS_NEW, Term, traits_of
+from sim.investigation.pooling.recording_evidence import (
+    Known,
+    LogOdds,
+    Name,
+    finding_named,
+    found_at,
+    instead,
+    is_own,
+    pooled,
+    term_name,
+)
 from sim.investigation.results import Estimate, Finding, Gain, Investigation
 from sim.investigation.unexplained import Unexplained
-from sim.mechanisms.catalogue import kind_or_any
 
 ANGLES = ("angle_rad", "phase_rad", "second_phase_rad")
 
@@ -109,24 +115,6 @@ def denied(parts: Sequence[Part], said: Sequence[Name]) -> set[tuple[Name, int]]
 def _curve(term: Term) -> tuple[str, ...]:
     """What a term without a name is told by: its place, and its numbers, as curves of several orders lie in one."""
     return str(term.key), *(p.name for p in term.parameters)
-
-
-def from_the_least_bent(parts: Sequence[Part]) -> list[Part]:
-    """Fits that start once more from the numbers of the recording that bends the description least, where those are
-    better: with gears the way to the least squares is rough, and one recording may be caught where another is not."""
-    least = min(parts, key=lambda part: part.fit.prior_penalty)
-    theirs = {
-        p.name for t in least.fit.terms if not kind_or_any(t.mechanism).traits.of_the_recording for p in t.parameters
-    }
-    theirs |= {p.name for p in least.fit.parameters if p.owner in (Owner.DESCRIPTION, Owner.MACHINE)}
-    axis = {name: value for name, value in least.fit.values.items() if name in theirs}
-    return [part if part is least or not part.fit.prior_penalty > BENT else _restarted(part, axis) for part in parts]
-
-
-def _restarted(part: Part, numbers: Mapping[str, float]) -> Part:
-    """The same mechanisms, fitted from `numbers` of the axis and what is the recording's own."""
-    anew = part.problem.best(part.fit.terms, [({**part.fit.values, **numbers}, {})])
-    return replace(part, fit=anew) if anew and anew.cost < part.fit.cost else part
 
 
 def sizes(parts: Sequence[Part], name: Name, sayings: Sequence[LogOdds]) -> dict[str, tuple[Estimate, ...]]:

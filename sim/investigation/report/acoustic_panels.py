@@ -12,9 +12,9 @@ from signals.motion import HOP_HZ, loudness_db
 from sim.chain.model import Array
 from sim.investigation.acoustic.baseline_comparison import USUAL_DB, growth_curves
 from sim.investigation.acoustic.evidence import AcousticResult
-from sim.investigation.acoustic.impacts import impacts, over_around
+from sim.investigation.acoustic.faults import impacts, over_around
 from sim.investigation.acoustic.operating_states import Course, course_of
-from sim.investigation.acoustic.spectral_lines import TRANSFORM, gamma_limit, mesh_orders
+from sim.investigation.acoustic.order_spectrum import TRANSFORM, gamma_limit, mesh_orders
 from sim.investigation.report.panels import SOUND, Panel
 from sim.mechanisms import BearingDefect, StructuralResonance
 from sim.mechanisms.catalogue import kind_of

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from sim.investigation.estimation.estimate import Fit
-from sim.investigation.hypotheses.hypothesis import Key, Term
-from sim.investigation.hypotheses.traits import traits_of
+from sim.investigation.hypotheses.hypothesis import Key, Term, traits_of
 from sim.investigation.search.held_out_blocks import BLOCKS, advantage, gain_elsewhere, paired
 from sim.mechanisms.mechanism import LEAST_GAIN
 

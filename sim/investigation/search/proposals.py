@@ -16,10 +16,8 @@ from sim.investigation.estimation.problem import Problem
 from sim.investigation.estimation.refit import BENT
 from sim.investigation.hypotheses.catalogue import terms_of
 from sim.investigation.hypotheses.gear_mesh import tooth_damage
-from sim.investigation.hypotheses.harmonics import AS_NEW_FACTOR
-from sim.investigation.hypotheses.hypothesis import Key, Term
+from sim.investigation.hypotheses.hypothesis import AS_NEW_FACTOR, Key, Term, mechanisms_with
 from sim.investigation.hypotheses.identifiability import missing_at
-from sim.investigation.hypotheses.traits import mechanisms_with
 from sim.investigation.parallel import each
 from sim.investigation.search.criterion import (
     evidence,

@@ -15,12 +15,13 @@ from sim.investigation.data.excitation import excitation_of, lacking
 from sim.investigation.data.preprocessing import Measurement
 from sim.investigation.estimation.estimate import Fit
 from sim.investigation.estimation.problem import Problem
+from sim.investigation.hypotheses.catalogue import gain, hum
 from sim.investigation.hypotheses.friction import friction_felt
 from sim.investigation.hypotheses.gear_mesh import ripple
 from sim.investigation.hypotheses.generic import ORDERS as ALWAYS_TRIED
 from sim.investigation.hypotheses.generic import frequency_of, terms_of_kind
 from sim.investigation.hypotheses.hypothesis import Term
-from sim.investigation.hypotheses.identifiability import highest_order, lowest_order
+from sim.investigation.hypotheses.identifiability import HUM_HZ, highest_order, lowest_order
 from sim.investigation.hypotheses.nonparametric import (
     ORDERS,
     Rows,
@@ -31,7 +32,6 @@ from sim.investigation.hypotheses.nonparametric import (
     sine,
     torque_over_angle,
 )
-from sim.investigation.hypotheses.sensors import HUM_HZ, gain, hum
 from sim.investigation.search.score_test import Rest
 from sim.mechanisms.catalogue import kind_of
 from sim.mechanisms.mechanism import LEAST_GAIN

@@ -11,8 +11,7 @@ from sim.investigation.estimation.estimate import Fit
 from sim.investigation.estimation.problem import Problem
 from sim.investigation.estimation.refit import multistart, rewhiten, with_slow_noise
 from sim.investigation.estimation.whitening import LONG
-from sim.investigation.hypotheses.hypothesis import Key, Term
-from sim.investigation.hypotheses.traits import AS_NEW, mechanisms_with
+from sim.investigation.hypotheses.hypothesis import AS_NEW, Key, Term, mechanisms_with
 from sim.investigation.parallel import each
 from sim.investigation.search.comparison import ModelComparison, in_place, named_alone, own_of, standings
 from sim.investigation.search.criterion import (

@@ -12,7 +12,8 @@ from benchmarks.harness.live import gearcase
 from benchmarks.robot_arms import Link, channel_map, robot, swings, torque, two_links, with_mass, write_log, write_robot
 from signals.telemetry import Telemetry
 from sim.investigation.data.data_fault import InvestigationError
-from sim.robot.investigation import RobotLog, investigate_robot
+from sim.robot.investigation import investigate_robot
+from sim.robot.motion import RobotLog
 from sim.robot.robot import read_robot
 from tests.shared_data import shared
 

@@ -9,7 +9,8 @@ import numpy as np
 from benchmarks.robot_arms import Array, robot, swings, torque, two_links, with_mass
 from signals.telemetry import Telemetry
 from sim.investigation.report.panels import AS_DESCRIBED, EXTENDED, MEASURED, Panel
-from sim.robot.investigation import RobotLog, investigate_robot
+from sim.robot.investigation import investigate_robot
+from sim.robot.motion import RobotLog
 from sim.robot.report import finding_panels
 from sim.robot.results import RobotInvestigation
 

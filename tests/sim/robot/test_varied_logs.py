@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.robot_arms import GRAVITY, channel_map, names_of, random_arm, swings, torque, write_log, write_robot
 from sim.robot.investigation import investigate_robot
-from sim.robot.log import read_log
+from sim.robot.motion import read_log
 from sim.robot.robot import read_robot
 
 pytestmark = pytest.mark.slow

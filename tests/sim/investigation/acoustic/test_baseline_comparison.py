@@ -180,18 +180,6 @@ def test_a_speed_that_is_only_described_is_not_compared() -> None:
     assert "heard as a line as new" in listening.not_examined["mesh_error"]
 
 
-def test_another_gearbox_makes_a_remark() -> None:
-    random = np.random.default_rng(13)
-    other = rung((700.0, 0.02, 1.0), random.standard_normal(AS_NEW.samples.size)) + rung(
-        (3_000.0, 0.02, 1.0), random.standard_normal(AS_NEW.samples.size)
-    )
-    envelope = np.repeat(np.abs(AS_NEW.samples[: SECONDS * RATE].reshape(-1, 80)).max(axis=1), 80)
-    stranger = Recording(np.asarray(other * envelope, dtype=np.float32), float(RATE))
-    remarks = sound_alone(AXIS, [heard(14)], [stranger]).remarks
-    assert any("another gearbox" in remark for remark in remarks)
-    assert not any("another gearbox" in remark for remark in sound_alone(AXIS, [heard(14)], [AS_NEW]).remarks)
-
-
 @pytest.mark.parametrize("samples", [np.zeros(400), np.zeros(RATE), np.random.default_rng(1).normal(size=3 * RATE)])
 def test_what_is_too_short_silent_or_steady_is_told_and_not_compared(samples: Array) -> None:
     poor = Recording(samples.astype(np.float32), float(RATE))

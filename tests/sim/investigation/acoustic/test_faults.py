@@ -7,7 +7,7 @@ from signals.recording import Recording
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.investigation.acoustic.evidence import AcousticFinding
-from sim.investigation.acoustic.fusion import sound_beside_telemetry
+from sim.investigation.acoustic.fusion import sound_with_telemetry
 from sim.investigation.data.preprocessing import Measurement, prepare
 
 RATE = 8000
@@ -21,7 +21,7 @@ AXIS = read_axis(
 
 
 def found(axis: Axis, sound: Recording, m: Measurement | None, offset_s: float) -> tuple[AcousticFinding, ...]:
-    return sound_beside_telemetry(axis, sound, m, offset_s)[0]
+    return sound_with_telemetry(axis, sound, m, offset_s)[0]
 
 
 def motion() -> Measurement:

@@ -13,7 +13,7 @@ from signals.recording import Recording
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.investigation.acoustic.evidence import AcousticFinding, AcousticResult, probability
-from sim.investigation.acoustic.fusion import not_named_yet, sound_alone, sound_beside_telemetry
+from sim.investigation.acoustic.fusion import not_named_yet, sound_alone, sound_with_telemetry
 from sim.investigation.acoustic.recording_quality import mismatch
 from sim.investigation.data.preprocessing import Measurement, prepare
 from sim.investigation.investigate import investigate
@@ -77,7 +77,7 @@ def passes(angle: float, forward: bool) -> Array:
 
 
 def found(axis: Axis, sound: Recording, m: Measurement | None, offset_s: float) -> tuple[AcousticFinding, ...]:
-    return sound_beside_telemetry(axis, sound, m, offset_s)[0]
+    return sound_with_telemetry(axis, sound, m, offset_s)[0]
 
 
 def hear(*sounds: Array) -> AcousticResult:
@@ -118,7 +118,7 @@ def swelling(seed: int) -> Array:
 def test_what_is_of_no_order_and_no_hum_is_left_without_a_name(added: Array, kind: str) -> None:
     """A line by itself hides the standstills, and then the motion is heard beside it."""
     alone = investigate(AXIS, None, recording(running(5) + added))
-    beside_telemetry = sound_beside_telemetry(AXIS, recording(running(5) + added), measured(0.0), 0.0)[1]
+    beside_telemetry = sound_with_telemetry(AXIS, recording(running(5) + added), measured(0.0), 0.0)[1]
     assert alone.verdict == "unnamed"
     for left in (alone.unexplained, beside_telemetry):
         assert left is not None
@@ -214,12 +214,10 @@ def with_motion(**numbers: float) -> Axis:
 
 
 @pytest.mark.parametrize("period_s", [10.0 * PERIOD_S, 2.1])
-def test_a_wrong_described_period_silences_nothing_and_is_said(period_s: float) -> None:
+def test_a_wrong_described_period_silences_nothing(period_s: float) -> None:
     sound = recording(with_impacts(running(5), passes(0.4, True)))
     result = investigate(with_motion(period_s=period_s), None, sound)
     assert result.findings == investigate(AXIS, None, sound).findings
-    assert f"period of {period_s:g} s" in result.remarks[1]
-    assert "one of 4 s" in result.remarks[1]
 
 
 def test_where_the_sound_does_not_tell_the_stage_text_and_document_say_so() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.harness.telemetry_of import one_body
 from signals.telemetry import Telemetry
-from sim.investigation.data.clock import evened
+from sim.investigation.data.validation import evened
 
 GOOD = one_body(0.3, 1.0, 0.0, 1)
 

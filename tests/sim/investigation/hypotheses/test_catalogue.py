@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from sim.description.axis_document import read_axis
-from sim.investigation.hypotheses.catalogue import shown_despite_doubts, torque_carried
+from sim.investigation.hypotheses.catalogue import gravity, shown_despite_doubts, torque_carried
 from sim.investigation.hypotheses.friction import friction_key, stribeck
-from sim.investigation.hypotheses.structure import gravity
 from sim.investigation.model.nominal import MOTOR_RELEASE
 from sim.mechanisms import CoulombFriction
 

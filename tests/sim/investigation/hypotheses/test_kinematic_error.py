@@ -11,7 +11,7 @@ from signals.telemetry import Telemetry
 from sim.description.axis import Axis, Load, LoadEncoder, Motor
 from sim.description.axis_document import read_axis
 from sim.experiment.virtual_measurement import measure
-from sim.investigation.data.angle_series import beyond_twice
+from sim.investigation.data.excitation import beyond_twice
 from sim.investigation.data.validation import examine
 from sim.investigation.estimation.problem import Problem
 from sim.investigation.estimation.whitening import Noise

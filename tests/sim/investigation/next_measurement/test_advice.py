@@ -18,8 +18,7 @@ from sim.investigation.estimation.problem import Problem
 from sim.investigation.estimation.whitening import Noise
 from sim.investigation.hypotheses.catalogue import terms_of
 from sim.investigation.investigate import investigate
-from sim.investigation.next_measurement.advice import NOTHING, in_words
-from sim.investigation.next_measurement.discrimination import SEPARATES, separation_of_rivals
+from sim.investigation.next_measurement.advice import NOTHING, SEPARATES, in_words, separation_of_rivals
 from sim.investigation.next_measurement.plans import Present, even_speeds, there_and_back
 from sim.investigation.results import Investigation, MeasurementUtility
 from sim.investigation.search.comparison import Model

@@ -15,7 +15,8 @@ from sim.investigation.acoustic.evidence import SILENT
 from sim.investigation.data.validation import InvestigationError
 from sim.investigation.investigate import investigate
 from sim.investigation.pooling.joint_investigation import Together, changed, investigate_together
-from sim.investigation.pooling.log_odds import (
+from sim.investigation.pooling.pooled_estimates import NamedRecording, pooled_estimate
+from sim.investigation.pooling.recording_evidence import (
     PRIOR,
     Known,
     LogOdds,
@@ -26,9 +27,8 @@ from sim.investigation.pooling.log_odds import (
     pooled,
     probability,
     silent,
+    weighed,
 )
-from sim.investigation.pooling.pooled_estimates import NamedRecording, pooled_estimate
-from sim.investigation.pooling.recording_evidence import weighed
 from sim.investigation.results import Estimate, Finding
 from tests.sim.investigation.test_investigation import axis
 
