@@ -7,7 +7,7 @@ from pydantic import Field, StringConstraints
 from sqlalchemy.orm import Session
 
 from app.documents import Answer, Cursor, Identifier, Instant, Limit, PageOf, Question, page_of
-from app.http.headers import Made, OnlyOnce
+from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Admin
 from app.service import Reading, TheService
 from casebase.alarms import outbox, rules

@@ -10,7 +10,8 @@ from sqlalchemy.orm import Session
 from app.axes import axis_schema
 from app.documents import CONTINUES, AxisAnswer, Limit, PageOf, RobotAnswer, page_of
 from app.http.errors import UnsupportedMedia
-from app.http.headers import Made, OnlyOnce, location
+from app.http.headers import location
+from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Admin, Viewer
 from app.http.uploads import BINARY, TheUpload
 from app.investigation_request import described_robot

@@ -24,7 +24,8 @@ from app.documents import (
     page_of,
 )
 from app.http.errors import IfMatchRequired, Stale, validation_problem
-from app.http.headers import IfNoneMatch, Made, Once, OnlyOnce, has_already, location, not_modified
+from app.http.headers import IfNoneMatch, has_already, location, not_modified
+from app.http.idempotency import Made, Once, OnlyOnce
 from app.http.security import Admin, Viewer
 from app.http.uploads import MaybeUpload, Upload, multipart_body
 from app.recordings.intake import CaseMetadata, read_metadata, take_in

@@ -22,7 +22,8 @@ from app.documents import (
     page_of,
 )
 from app.http.errors import Unprocessable
-from app.http.headers import Made, OnlyOnce, chosen, location, self_contained
+from app.http.headers import chosen, location, self_contained
+from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Operator, ReadingLimit, Viewer
 from app.http.uploads import TheUpload, multipart_body
 from app.recordings.intake import RecordingMetadata, decoded, hear, read_metadata, take_in

@@ -10,7 +10,8 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, RobotAnswer, page_of
-from app.http.headers import Made, OnlyOnce, chosen, location, self_contained
+from app.http.headers import chosen, location, self_contained
+from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Admin, Operator, Viewer
 from app.http.uploads import BINARY, TheUpload
 from app.investigation_request import PARTS, asked_of

@@ -10,7 +10,8 @@ from pydantic import Field, PositiveFloat
 from sqlalchemy.orm import Session
 
 from app.documents import Cursor, Limit, PageOf, Question
-from app.http.headers import Made, OnlyOnce, location
+from app.http.headers import location
+from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Admin, Operator
 from app.jobs.job import Job
 from app.service import Service, TheJobs, TheService

@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 from app.documents import AuditAnswer, Cursor, Identifier, KeyAnswer, KeyRequest, Limit, NewKey, PageOf, page_of
 from app.http import keys
 from app.http.errors import Unavailable
-from app.http.headers import Made, OnlyOnce
+from app.http.idempotency import Made, OnlyOnce
 from app.http.reference import reference_page
 from app.http.security import Admin, Viewer
 from app.service import Reading, Service, TheService, service_of

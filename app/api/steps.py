@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from app.documents import Instant
 from app.http.errors import Forbidden
-from app.http.headers import Made, OnlyOnce
+from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Operator, Role, Viewer
 from app.service import Reading
 from casebase.cycle.retain import RETAINED
