@@ -31,6 +31,6 @@ USER gearcase
 VOLUME /data
 EXPOSE 8000
 HEALTHCHECK --interval=30s --timeout=5s --start-period=60s \
-    CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8000/readyz', timeout=4)"]
+    CMD ["python", "-m", "app.health"]
 ENTRYPOINT ["gearcase"]
 CMD ["serve", "--host", "0.0.0.0", "--port", "8000"]

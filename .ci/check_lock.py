@@ -40,7 +40,9 @@ def main() -> int:
     runtime, tests = ROOT / "requirements.lock", ROOT / "requirements-test.lock"
     found = faults(runtime, ("logs", "record")) + faults(tests, ("logs", "record", "test"))
     apart = sorted(set(PINNED.findall(runtime.read_text())) - set(PINNED.findall(tests.read_text())))
-    found += [f"{tests.name}: {name} is not {version}, as in {runtime.name}; run `make lock`" for name, version in apart]
+    found += [
+        f"{tests.name}: {name} is not {version}, as in {runtime.name}; run `make lock`" for name, version in apart
+    ]
     print("\n".join(found) or "the lock files are in step with pyproject.toml")
     return 1 if found else 0
 

@@ -96,8 +96,10 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         running = service or Service.open(settings, metrics)
         app.state.service = running
-        app.state.gate = ConcurrencyLimiter(settings.uploads_at_once, settings.uploads_per_key)
-        app.state.looking = ConcurrencyLimiter(settings.looks_at_once, settings.looks_per_key)
+        longest_wait_s, at_work = settings.longest_wait_s, settings.work_at_once
+        app.state.uploads = ConcurrencyLimiter(settings.uploads_at_once, settings.uploads_per_key, longest_wait_s)
+        app.state.at_work = ConcurrencyLimiter(at_work, at_work, longest_wait_s)
+        app.state.looking = ConcurrencyLimiter(settings.looks_at_once, settings.looks_per_key, longest_wait_s)
         warm_up()
         limits_of_all(app)
         running.upkeep.start()

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from sqlalchemy import Engine
@@ -17,7 +17,8 @@ from casebase.errors import StaleVersionError
 from casebase.recordings import DISCARDED
 from casebase.store import audit, leases
 from casebase.store.audio_store import AudioStore
-from casebase.store.database import WRITING, create_engine_for, sqlite_url, upgrade_database
+from casebase.store.database import LONGEST_WAIT_S, WRITING, create_engine_for, sqlite_url, upgrade_database
+from casebase.store.write_queue import WriteQueue
 
 
 class CaseLibrary:
@@ -27,8 +28,10 @@ class CaseLibrary:
     together or not at all.
     """
 
-    def __init__(self, engine: Engine, data_dir: Path) -> None:
+    def __init__(self, engine: Engine, data_dir: Path, writers: WriteQueue | None = None) -> None:
         self.engine = engine
+        self.writers = writers
+        """None where the database itself lets many write."""
         self.data_dir = data_dir
         self.audio = AudioStore(data_dir / "audio")
         self.lease: str | None = None
@@ -39,17 +42,23 @@ class CaseLibrary:
         self.retain = Retain(self.audio)
 
     @classmethod
-    def open(cls, data_dir: Path, url: str | None = None) -> "CaseLibrary":
+    def open(cls, data_dir: Path, url: str | None = None, longest_wait_s: float = LONGEST_WAIT_S) -> "CaseLibrary":
         """Open, and create or upgrade where needed; SQLite in the data folder unless a URL is given.
 
         Folder and files belong to their owner alone, as does whatever this process writes from then on.
+
+        Args:
+            longest_wait_s: for others that write; who waits longer is refused [s].
         """
         os.umask(0o077)
         data_dir.mkdir(parents=True, exist_ok=True)
         make_private(data_dir)
-        engine = create_engine_for(url or sqlite_url(data_dir / "gearcase.db"))
-        upgrade_database(engine)
-        return cls(engine, data_dir)
+        url = url or sqlite_url(data_dir / "gearcase.db")
+        patient = create_engine_for(url)  # another service may be making the tables
+        upgrade_database(patient)
+        patient.dispose()
+        engine = create_engine_for(url, longest_wait_s)
+        return cls(engine, data_dir, WriteQueue(longest_wait_s) if engine.dialect.name == "sqlite" else None)
 
     @contextmanager
     def transaction(self, actor: str, request_id: str | None = None) -> Iterator[Session]:
@@ -57,8 +66,10 @@ class CaseLibrary:
 
         Raises:
             LeaseLostError: if it is a worker's library and the worker's lease has ended; nothing is written then.
+            BusyError: if too many write.
         """
-        with Session(self.engine, expire_on_commit=False) as session:
+        turn = nullcontext() if self.writers is None else self.writers.turn()
+        with turn, Session(self.engine, expire_on_commit=False) as session:
             session.info.update({audit.ACTOR: actor, audit.REQUEST: request_id})
             session.connection(execution_options={WRITING: True})
             try:

@@ -58,8 +58,9 @@ def main() -> int:
     print(f"/livez: {len(live)} looks, 99 % below {live[int(0.99 * (len(live) - 1))]:.3f} s, longest {live[-1]:.3f} s")
     for kind, seconds in sorted(tally.seconds.items()):
         middle, most = np.percentile(seconds, (50, 99))
-        print(f"{kind}: {len(seconds)} times, half below {middle:.2f} s, 99 % below {most:.2f} s, longest {max(seconds):.2f} s")
-    print(f"memory: {before / MEBIBYTE:.0f} MiB, {tally.grown_bytes / MEBIBYTE:+.0f} MiB at most, {tally.left_bytes / MEBIBYTE:+.0f} MiB at the end")
+        print(f"{kind}: {len(seconds)} times, half below {middle:.2f} s, 99 % below {most:.2f} s")
+    print(f"memory: {before / MEBIBYTE:.0f} MiB before, {tally.grown_bytes / MEBIBYTE:+.0f} MiB at most,", end=" ")
+    print(f"{tally.left_bytes / MEBIBYTE:+.0f} MiB at the end")
     for fault in tally.faults[:20]:
         print("FAULT", fault)
     print(f"{len(tally.faults)} faults")

@@ -149,18 +149,22 @@ class Campaign:
         random = np.random.default_rng(number)
         recording, diagnosis = known["recording"]["id"], known["id"]
         pages = ("/fleet", "/diagnoses", f"/diagnoses/{diagnosis}", "/queue", "/library", "/axes", "/library/coverage")
-        with self.server.client() as client, self.browser() as browser:
+        name = f"client {number}"
+        with self.server.client() as admin:
+            made = admin.post(f"{API}/keys", json={"name": name, "role": "admin"}).raise_for_status().json()
+        self.server.keys[name] = made["key"]
+        with self.server.client(name) as client:
             while not done.is_set():
                 kind = str(random.choice(("diagnosis", "case", "page", "spectrogram"), p=(0.3, 0.1, 0.55, 0.05)))
                 began = time.monotonic()
                 if kind == "page":
-                    answer = browser.get(pages[random.integers(len(pages))])
+                    answer = client.get(pages[random.integers(len(pages))], headers={"Accept": "text/html"})
                 elif kind == "spectrogram":  # no two alike: none is cached
                     answer = client.get(f"{API}/recordings/{recording}/spectrogram?columns={random.integers(10, 2000)}")
                 else:
                     about = {"gearbox": f"g{random.integers(5)}", **({"label": "normal"} if kind == "case" else {})}
-                    made = {**files(int(random.integers(1 << 30))), "metadata": (None, json.dumps(about))}
-                    answer = client.post(f"{API}/{'cases' if kind == 'case' else 'diagnoses'}", files=made)
+                    sent = {**files(int(random.integers(1 << 30))), "metadata": (None, json.dumps(about))}
+                    answer = client.post(f"{API}/{'cases' if kind == 'case' else 'diagnoses'}", files=sent)
                 self.tally.answers[kind, answer.status_code] += 1
                 self.tally.seconds[kind].append(time.monotonic() - began)
                 if answer.status_code == 503 and "retry-after" in answer.headers:
