@@ -16,7 +16,7 @@ import numpy as np
 from app.http.security import COOKIE, csrf_token
 from benchmarks.bombs.bodies import AXIS
 from benchmarks.bombs.inputs import API, Inputs, Sent
-from benchmarks.harness.live import LiveServer
+from benchmarks.harness.live import LiveServer, sign_in
 from benchmarks.harness.sounds import sound
 from benchmarks.harness.wire import connected, forget_peak, head, memory_bytes, peak_bytes
 
@@ -153,12 +153,13 @@ class Campaign:
         with self.server.client() as admin:
             made = admin.post(f"{API}/keys", json={"name": name, "role": "admin"}).raise_for_status().json()
         self.server.keys[name] = made["key"]
-        with self.server.client(name) as client:
+        with self.server.client(name) as client, self.server.client(None) as browser:
+            sign_in(browser, made["key"])
             while not done.is_set():
                 kind = str(random.choice(("diagnosis", "case", "page", "spectrogram"), p=(0.3, 0.1, 0.55, 0.05)))
                 began = time.monotonic()
                 if kind == "page":
-                    answer = client.get(pages[random.integers(len(pages))], headers={"Accept": "text/html"})
+                    answer = browser.get(pages[random.integers(len(pages))], headers={"Accept": "text/html"})
                 elif kind == "spectrogram":  # no two alike: none is cached
                     answer = client.get(f"{API}/recordings/{recording}/spectrogram?columns={random.integers(10, 2000)}")
                 else:
