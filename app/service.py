@@ -1,5 +1,6 @@
 """What the application holds while it runs, and how a route gets at it."""
 
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -43,7 +44,8 @@ class Service:
 
     @classmethod
     def open(cls, settings: Settings, metrics: Metrics) -> "Service":
-        """Open the library, made or upgraded where needed."""
+        """Open the library, made or upgraded where needed; what is temporary is on the disk of the data folder."""
+        tempfile.tempdir = str(settings.data_dir)
         return cls(
             settings,
             CaseLibrary.open(settings.data_dir, settings.database_url, settings.longest_wait_s),

@@ -107,7 +107,9 @@ def shown(url: str, volume: str) -> Iterator[tuple[str, object, bool]]:
     with running("gearcase-service", url, volume) as service:
         took_s = until(lambda: httpx.get("http://127.0.0.1:8000/readyz").is_success)
         yield "ready after a first start [s]", round(took_s, 1), took_s < PATIENCE_S
-        key = json.loads(podman("exec", service, "gearcase", "keys", "create", "image", "--role=admin", "--json"))["key"]
+        key = json.loads(
+            podman("exec", service, "gearcase", "keys", "create", "--name=image", "--role=admin", "--json")
+        )["key"]
         client = httpx.Client(headers={"Authorization": f"Bearer {key}"}, timeout=PATIENCE_S)
         first, later = (_diagnosed(client, seed) for seed in (1, 2))
         yield "first and second diagnosis [s]", f"{first:.1f}, {later:.1f}", first < 2.0
@@ -160,7 +162,7 @@ def main() -> int:
         build(asked.base or base(), options)
         print(f"built in [s]: {time.monotonic() - began:.0f}")
     wrong = 0
-    podman("volume", "create", "--ignore", f"{IMAGE}-image-test")
+    podman("volume", "create", f"{IMAGE}-image-test")
     try:
         with postgres.server("127.0.0.1"):
             url = f"postgresql+psycopg://{postgres.USER}@127.0.0.1:5432/postgres"

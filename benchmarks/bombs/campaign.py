@@ -147,8 +147,7 @@ class Campaign:
     def work(self, number: int, known: dict[str, Any], done: threading.Event) -> None:
         """What one client does until all are done; where it is refused with `Retry-After` it comes again."""
         random = np.random.default_rng(number)
-        recording, diagnosis = known["recording"]["id"], known["id"]
-        pages = ("/fleet", "/diagnoses", f"/diagnoses/{diagnosis}", "/queue", "/library", "/axes", "/library/coverage")
+        pages = ("/fleet", "/diagnoses", "/diagnoses/{}", "/queue", "/library", "/axes", "/library/coverage")
         name = f"client {number}"
         with self.server.client() as admin:
             made = admin.post(f"{API}/keys", json={"name": name, "role": "admin"}).raise_for_status().json()
@@ -159,13 +158,16 @@ class Campaign:
                 kind = str(random.choice(("diagnosis", "case", "page", "spectrogram"), p=(0.3, 0.1, 0.55, 0.05)))
                 began = time.monotonic()
                 if kind == "page":
-                    answer = browser.get(pages[random.integers(len(pages))], headers={"Accept": "text/html"})
+                    page = pages[random.integers(len(pages))].format(known["id"])
+                    answer = browser.get(page, headers={"Accept": "text/html"})
                 elif kind == "spectrogram":  # no two alike: none is cached
-                    answer = client.get(f"{API}/recordings/{recording}/spectrogram?columns={random.integers(10, 2000)}")
+                    recording, columns = known["recording"]["id"], random.integers(10, 2000)
+                    answer = client.get(f"{API}/recordings/{recording}/spectrogram?columns={columns}")
                 else:
                     about = {"gearbox": f"g{random.integers(5)}", **({"label": "normal"} if kind == "case" else {})}
                     sent = {**files(int(random.integers(1 << 30))), "metadata": (None, json.dumps(about))}
                     answer = client.post(f"{API}/{'cases' if kind == 'case' else 'diagnoses'}", files=sent)
+                    known = answer.json() if answer.is_success and kind == "diagnosis" else known
                 self.tally.answers[kind, answer.status_code] += 1
                 self.tally.seconds[kind].append(time.monotonic() - began)
                 if answer.status_code == 503 and "retry-after" in answer.headers:
