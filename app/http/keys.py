@@ -1,7 +1,6 @@
 """Keys of the service: 256 random bits each, shown once, kept as SHA-256; each has a role."""
 
 import hashlib
-import hmac
 import secrets
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -56,11 +55,7 @@ def create_key(session: Session, *, name: str, role: Role) -> tuple[ApiKey, str]
 
 def find_key(session: Session, key: str) -> ApiKey | None:
     """Return the row of a key that is in force, or None if it is unknown or revoked."""
-    sha256 = digest(key)
-    row = session.scalar(select(ApiKey).where(ApiKey.key_sha256 == sha256))
-    if row is None or not hmac.compare_digest(row.key_sha256, sha256) or row.revoked_at is not None:
-        return None
-    return row
+    return session.scalar(select(ApiKey).where(ApiKey.key_sha256 == digest(key), ApiKey.revoked_at.is_(None)))
 
 
 def note_use(session: Session, key_id: str) -> None:
