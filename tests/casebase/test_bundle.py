@@ -60,12 +60,8 @@ def doubled(bundle: zipfile.ZipFile) -> None:
     bundle.writestr("audio/./a", b"2")
 
 
-FROM_TOMORROW: dict[str, object] = {
-    "audio": "audio/a",
-    "sha256": "0" * 64,
-    "label": "notch",
-    "recording": {"recorded_at": "2099-01-01T00:00:00Z"},
-}
+FROM_TOMORROW: dict[str, object] = {"audio": "audio/a", "sha256": "0" * 64, "label": "notch"}
+FROM_TOMORROW["recording"] = {"recorded_at": "2099-01-01T00:00:00Z"}
 MALICIOUS: dict[str, tuple[Callable[[zipfile.ZipFile], None], str]] = {
     "absolute": (lambda bundle: bundle.writestr("/etc/cron.d/x", b"x"), "leads out"),
     "parent": (lambda bundle: bundle.writestr("audio/../../x", b"x"), "leads out"),
