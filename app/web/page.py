@@ -1,6 +1,6 @@
 """What every page is made with: who looks at it, what it is filled with, where its forms lead.
 
-A key stands in an HttpOnly cookie; forms carry a token that only a page of ours could know.
+A session stands in an HttpOnly cookie; forms carry a token that only a page of ours could know.
 """
 
 import json
@@ -28,10 +28,9 @@ from app.http.security import (
     Role,
     admitted,
     check_csrf,
-    client_of,
     csrf_token,
     known,
-    principal_of,
+    signed_in,
 )
 from app.http.uploads import check_whole
 from app.report.formatting import ENVIRONMENT, instant, sentence
@@ -76,11 +75,11 @@ def below_root(request: Request) -> str:
 
 def visitor(request: Request) -> Principal | None:
     """Return who is signed in by cookie, or None."""
-    key = request.cookies.get(COOKIE)
-    if known(request) or not key:
+    token = request.cookies.get(COOKIE)
+    if known(request) or not token:
         return known(request)
     try:
-        return admitted(request, principal_of(service_of(request), key, client_of(request)))
+        return admitted(request, signed_in(service_of(request), token))
     except NotAuthenticated:
         return None
 
@@ -278,7 +277,7 @@ class PageErrors:
                 return
             body += message.get("body", b"")
             if not message.get("more_body", False):
-                await _error_page(scope, receive, send, body, int(started["status"]))
+                await _error_page(scope, receive, send, body, started)
 
         await self.app(scope, receive, send_page)
 
@@ -287,8 +286,8 @@ def _is_problem(message: types.Message) -> bool:
     return Headers(raw=message["headers"]).get("content-type", "").startswith("application/problem+json")
 
 
-async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, status: int) -> None:
-    request = Request(scope)
+async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, started: types.Message) -> None:
+    request, status = Request(scope), int(started["status"])
     problem = json.loads(body)
     principal = getattr(request.state, "principal", None)
     came_from = request.headers.get("referer", "")
@@ -299,6 +298,8 @@ async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, s
         "back": came_from if came_from.startswith(str(request.base_url)) else "",
     }
     page = render(request, "error.html", context, principal=principal, status=status)
+    if again := Headers(raw=started["headers"]).get("retry-after"):
+        page.headers["Retry-After"] = again
     await page(scope, receive, send)
 
 

@@ -60,6 +60,8 @@ def doubled(bundle: zipfile.ZipFile) -> None:
     bundle.writestr("audio/./a", b"2")
 
 
+FROM_TOMORROW: dict[str, object] = {"audio": "audio/a", "sha256": "0" * 64, "label": "notch"}
+FROM_TOMORROW["recording"] = {"recorded_at": "2099-01-01T00:00:00Z"}
 MALICIOUS: dict[str, tuple[Callable[[zipfile.ZipFile], None], str]] = {
     "absolute": (lambda bundle: bundle.writestr("/etc/cron.d/x", b"x"), "leads out"),
     "parent": (lambda bundle: bundle.writestr("audio/../../x", b"x"), "leads out"),
@@ -72,6 +74,7 @@ MALICIOUS: dict[str, tuple[Callable[[zipfile.ZipFile], None], str]] = {
     "no json": (lambda bundle: bundle.writestr(MANIFEST, b"\xff{"), "no JSON"),
     "other schema": (lambda bundle: bundle.writestr(MANIFEST, b'{"schema": "x"}'), "schema"),
     "case without audio": (lambda bundle: bundle.writestr(MANIFEST, manifest({"label": "notch"})), "lacks audio"),
+    "future": (lambda bundle: bundle.writestr(MANIFEST, manifest(FROM_TOMORROW)), "recorded_at.*future"),
 }
 
 
