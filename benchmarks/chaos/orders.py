@@ -192,5 +192,5 @@ def is_file(kept: object) -> bool:
 
 def left(data_dir: Path) -> Iterator[Path]:
     """Files that were under way."""
-    yield from (data_dir / "audio").glob(".part-*")
+    yield from (data_dir / "audio").glob(".*")
     yield from (data_dir / "incoming").glob("*")
