@@ -62,7 +62,11 @@ class CaseLibrary:
         elif url is None and not database.exists():
             raise SchemaError(f"there is no library in {data_dir} yet: `gearcase serve` makes one")
         engine = create_engine_for(url or sqlite_url(database), look=look)
-        upgrade_database(engine, look=look)
+        try:
+            upgrade_database(engine, look=look)
+        except SchemaError:
+            engine.dispose()  # or a log would be left beside the database
+            raise
         return cls(engine, data_dir)
 
     @contextmanager

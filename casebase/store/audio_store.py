@@ -67,18 +67,15 @@ class AudioStore:
         hold(mark.fileno())
         if isinstance(content.source, Path) and self._is_upload(content.source) and _is_linked(content.source, target):
             return
-        if self.put(content.source) != content.sha256:
-            raise InvalidRequestError(f"{content.source!s} was written to while it was read; try again")
+        with self.unnamed(content.source) as (part, written):
+            if written != content.sha256:
+                raise InvalidRequestError(f"{content.source!s} was written to while it was read; try again")
+            _name(part, target)
 
     def put(self, source: Path | bytes) -> str:
         """Write the bytes durably under their SHA-256, and return it; the same bytes twice cost one file."""
         with self.unnamed(source) as (part, sha256):
-            target = self.path_of(sha256)
-            if not target.exists():
-                target.parent.mkdir(exist_ok=True)
-                part.rename(target)
-                sync_folder(target.parent)
-                sync_folder(self.folder)
+            _name(part, self.path_of(sha256))
         return sha256
 
     @contextmanager
@@ -166,14 +163,26 @@ def _write(source: Path | bytes, out: BinaryIO) -> str:
     return digest.hexdigest()
 
 
+def _name(part: Path, target: Path) -> None:
+    """Give bytes their name durably, unless it is there."""
+    if not target.exists():
+        target.parent.mkdir(exist_ok=True)
+        part.rename(target)
+        _sync(target)
+
+
+def _sync(target: Path) -> None:
+    sync_folder(target.parent)
+    sync_folder(target.parent.parent)
+
+
 def _is_linked(source: Path, target: Path) -> bool:
     """Whether a file could be given a second name: not on every file system, and not from one to another."""
     try:
         os.link(source, target)
     except OSError:
         return False
-    sync_folder(target.parent)
-    sync_folder(target.parent.parent)
+    _sync(target)
     return True
 
 
