@@ -150,11 +150,12 @@ def import_cases(
     sound = lru_cache(maxsize=1)(partial(_sound, library, source, limits))
     features = lru_cache(maxsize=1)(lambda condition, *asked: extract(sound(*asked)[1], condition))
     first: dict[object, int] = {}
-    together = sorted(enumerate(entries), key=lambda each: first.setdefault((each[1].audio, each[1].channel), each[0]))
+    together = sorted(enumerate(entries), key=lambda each: first.setdefault((each[1].sha256, each[1].channel), each[0]))
+    names: dict[str, str] = {}
     seen: dict[str, bool] = {}
     for done, (number, entry) in enumerate(together):
         progress(done, len(entries))
-        document = entry.model_dump_json()
+        document = entry.model_dump_json(exclude={"audio"})
         if entry.audio is None:
             refused[f"case {number}"] = "its audio was erased where it comes from, so there is nothing to compare"
         elif document in seen:
@@ -163,7 +164,7 @@ def import_cases(
             refused[entry.audio] = f"the import had taken {limits.total_seconds:g} s by then: split the bundle"
         else:
             seen[document] = False
-            asked = entry.audio, entry.sha256, entry.channel
+            asked = names.setdefault(entry.sha256, entry.audio), entry.sha256, entry.channel
             try:
                 description = entry.recording.description()
                 extraction = features(description.condition, *asked)

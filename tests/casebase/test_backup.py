@@ -153,7 +153,7 @@ def test_a_backup_of_a_newer_version_is_refused(filled: CaseLibrary, tmp_path: P
     assert not (tmp_path / "restored").exists()
 
 
-def test_a_backup_has_what_rows_speak_of_and_checking_adds_nothing(filled: CaseLibrary, tmp_path: Path) -> None:
+def test_a_backup_has_no_stray_file_and_a_check_adds_none(filled: CaseLibrary, tmp_path: Path) -> None:
     filled.audio.put(b"nobody's")
     assert backup(filled.engine, filled.data_dir, tmp_path / "copy") == 3
     before = sorted((tmp_path / "copy").rglob("*"))

@@ -111,12 +111,15 @@ def test_audio_that_is_not_what_was_declared_is_refused(sqlite_library: CaseLibr
 
 
 def repeated(tmp_path: Path, count: int) -> Path:
-    """Write a bundle of one sound with a case of each of three gearboxes, so often."""
+    """Write a bundle of one sound under as many names, with cases of three gearboxes."""
     audio = write_sound(tmp_path / "a.wav", 1).read_bytes()
-    case = {"audio": "audio/a", "sha256": hashlib.sha256(audio).hexdigest(), "label": "notch"}
-    cases = [{**case, "recording": {"gearbox": f"g{number % 3}"}} for number in range(count)]
+    case = {"sha256": hashlib.sha256(audio).hexdigest(), "label": "notch"}
+    cases = [
+        {**case, "audio": f"audio/{number}", "recording": {"gearbox": f"g{number % 3}"}} for number in range(count)
+    ]
     with zipfile.ZipFile(tmp_path / "in.zip", "w") as bundle:
-        bundle.writestr("audio/a", audio)
+        for number in range(count):
+            bundle.writestr(f"audio/{number}", audio)
         bundle.writestr(MANIFEST, manifest(*cases))
     return tmp_path / "in.zip"
 
@@ -132,13 +135,13 @@ def test_a_sound_is_decoded_once_however_often_it_comes(
 
     monkeypatch.setattr("casebase.store.bundle.read_recording", counted)
     imported = import_cases(sqlite_library, repeated(tmp_path, 90), "anna")
-    assert (len(imported.case_ids), imported.known, list(imported.refused)) == (1, 29, ["audio/a"])
+    assert (len(imported.case_ids), imported.known, list(imported.refused)) == (1, 29, ["audio/1", "audio/2"])
     assert len(decoded) == 1
 
 
 def test_an_import_that_takes_too_long_says_what_is_left(sqlite_library: CaseLibrary, tmp_path: Path) -> None:
     imported = import_cases(sqlite_library, repeated(tmp_path, 1), "anna", limits=BundleLimits(total_seconds=0.0))
-    assert (imported.case_ids, list(imported.refused)) == ((), ["audio/a"])
+    assert (imported.case_ids, list(imported.refused)) == ((), ["audio/0"])
     assert list(sqlite_library.audio.hashes()) == []
 
 
