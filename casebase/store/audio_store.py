@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeGuard
 
 from sqlalchemy.orm import Session
 
@@ -40,14 +40,13 @@ class AudioStore:
 
     def content(self, source: Path | bytes) -> Content:
         """Read bytes that are to be kept, and make an upload durable: before a transaction, for it takes its time."""
-        digest, count = hashlib.sha256(), 0
-        for chunk in chunks(source):
-            digest.update(chunk)
-            count += len(chunk)
-        if isinstance(source, Path) and self._is_upload(source):
+        sha256 = sha256_of(source)
+        if isinstance(source, bytes):
+            return Content(source, sha256, len(source))
+        if self._is_upload(source):
             with source.open("rb") as file:
                 os.fsync(file.fileno())
-        return Content(source, digest.hexdigest(), count)
+        return Content(source, sha256, source.stat().st_size)
 
     def keep(self, session: Session, content: Content) -> None:
         """Name the bytes for a row of this transaction; what no row speaks of in the end goes again.
@@ -65,7 +64,7 @@ class AudioStore:
         named: dict[str, BinaryIO] = session.info[NAMED]
         named[content.sha256] = mark = self._mark(content.sha256).open("ab")
         hold(mark.fileno())
-        if isinstance(content.source, Path) and self._is_upload(content.source) and _is_linked(content.source, target):
+        if self._is_upload(content.source) and _is_linked(content.source, target):
             return
         with self.unnamed(content.source) as (part, written):
             if written != content.sha256:
@@ -102,9 +101,9 @@ class AudioStore:
     def _mark(self, sha256: str) -> Path:
         return self.folder / f"{MARK}{sha256}"
 
-    def _is_upload(self, source: Path) -> bool:
-        """Whether a file lies in the data folder, where nobody changes it."""
-        return self.folder.parent.resolve() in source.resolve().parents
+    def _is_upload(self, source: Path | bytes) -> TypeGuard[Path]:
+        """Whether it is a file in the data folder, where nobody changes it."""
+        return isinstance(source, Path) and self.folder.parent.resolve() in source.resolve().parents
 
     def unfinished(self) -> Iterator[Path]:
         """Yield what is not written to its end: still held by its writer, or abandoned."""
