@@ -34,7 +34,7 @@ $(ASSETS): package-lock.json package.json app/web/assets.py | $(STAMP)
 
 run: setup
 	@$(BIN)/gearcase --data-dir $(DATA_DIR) starter
-	@$(BIN)/gearcase --data-dir $(DATA_DIR) serve --host $(HOST) --port $(PORT) --log-folder $(DATA_DIR)/logs
+	@$(BIN)/gearcase --data-dir $(DATA_DIR) serve --host $(HOST) --port $(PORT) --log-folder $(DATA_DIR)/logs --show-key
 
 # side by side: the checks need one core for less than a minute, and the tests wait now and then
 test: setup

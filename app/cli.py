@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from app.commands import DATA_DIR, DONE, FAILURE
+from app.commands import DATA_DIR, DONE, FAILURE, STOPPED
 
 COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("serve", "app.commands.serve", "Serve the API and the pages."),
@@ -39,6 +39,19 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
 """Verb, the module where a function or a group of commands has its name, one line of help."""
 
 
+LEFT = {
+    "diagnose": "the diagnoses made so far are in the library; the same command makes all of them again",
+    "smoke": "what was sent to the service stays there",
+    "cases": "cases added or imported so far stay, and the same command goes on; a bundle being exported is not whole",
+    "recordings": "recordings erased so far stay erased; the same command goes on",
+    "generate": "the cases made so far are in the library; the same command goes on with the others",
+    "starter": "the cases made so far are in the library; the same command goes on with the others",
+    "jobs": "the job goes on; `gearcase jobs follow` shows it again",
+    "simulate": "files that were being written are not whole; the same command writes them again",
+    "backup": "the folder holds no whole backup; remove it before you begin again",
+    "restore": "the data folder is as it was; the same command begins again",
+}
+"""What is left of a verb that was stopped by Ctrl-C; nothing of those that are not named."""
 DATA_DIR_OPTION, JSON = "--data-dir", "--json"
 EPILOG = "Exit codes: 0 done, 1 failure, 2 usage or bad input, 3 fault found with --fail-on fault."
 
@@ -49,12 +62,20 @@ def main() -> None:
 
 
 def run(arguments: list[str]) -> int:
-    """Run one command and return its exit code; errors become a sentence on stderr, with --json a document as well."""
+    """Run one command and return its exit code; errors become a sentence on stderr, with --json a document as well.
+
+    So does Ctrl-C.
+    """
     arguments = json_last(data_dir_first(arguments))
+    verb = verb_of(arguments)
     try:
-        build(verb_of(arguments))(args=arguments, prog_name="gearcase", standalone_mode=True)
-    except SystemExit as end:
-        return end.code if isinstance(end.code, int) else FAILURE
+        build(verb)(args=arguments, prog_name="gearcase", standalone_mode=True)
+    except (SystemExit, KeyboardInterrupt) as end:
+        code = end.code if isinstance(end, SystemExit) else STOPPED
+        if code != STOPPED:
+            return code if isinstance(code, int) else FAILURE
+        words = f"stopped: {LEFT.get(verb or '', 'nothing was changed or kept')}"
+        print(f"gearcase: {words}", file=sys.stderr)
     except Exception as error:  # noqa: BLE001 - whoever called gets an answer whatever happened
         from app.commands.faults import exit_code, sentence  # the table of errors is slow to import
 
@@ -65,10 +86,11 @@ def run(arguments: list[str]) -> int:
         else:
             words = sentence(error)
             print(f"gearcase: {words}", file=sys.stderr)
-        if JSON in arguments:
-            print(json.dumps({"error": words, "exit_code": code}, ensure_ascii=False))
-        return code
-    return DONE
+    else:
+        return DONE
+    if JSON in arguments:
+        print(json.dumps({"error": words, "exit_code": code}, ensure_ascii=False))
+    return code
 
 
 def data_dir_first(arguments: list[str]) -> list[str]:

@@ -16,6 +16,7 @@ from app.background_cache import Beside, CachedQuery, Pending
 from app.fleet import Fleet, alarm_watch
 from app.http.keys import KeyNotes
 from app.http.middleware import Metrics
+from app.http.sessions import InForce
 from app.jobs.jobs import JobFeed, Jobs
 from app.settings import Settings
 from app.upkeep import Periodic, Upkeep, leftovers, retention
@@ -118,6 +119,10 @@ class Service:
     @cached_property
     def key_notes(self) -> KeyNotes:
         return KeyNotes(self.library)
+
+    @cached_property
+    def in_force(self) -> InForce:
+        return InForce(self.library)
 
     @cached_property
     def by_itself(self) -> tuple[Periodic, ...]:

@@ -40,7 +40,9 @@ class Settings(BaseSettings):
     database_url: str | None = Field(None, description="SQLAlchemy URL; SQLite in the data directory where not given")
     time_zone: ZoneName = Field("UTC", description="of the site, IANA name: pages write times in it")
     root_path: str = Field("", description="path under which a proxy serves us, e.g. /gearcase")
-    cookie_secure: bool = Field(False, description="send the sign-in cookie over HTTPS only")
+    cookie_secure: bool = Field(
+        False, description="send cookies over HTTPS only, also where the service itself is asked by HTTP"
+    )
 
     accept_lossy: bool = Field(True, description="take sound that was stored with loss (MP3, AAC, Opus), and flag it")
 

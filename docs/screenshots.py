@@ -49,7 +49,7 @@ def gearcase(data_dir: Path, *words: str) -> None:
 @contextmanager
 def serving(data_dir: Path) -> Iterator[tuple[str, str]]:
     """Start the service; yield its address and the admin key."""
-    command = [sys.executable, "-m", "app", "serve", "--port", "0", "--data-dir", str(data_dir)]
+    command = [sys.executable, "-m", "app", "serve", "--port", "0", "--show-key", "--data-dir", str(data_dir)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)  # noqa: S603
     key = url = ""
     for line in process.stdout or ():
@@ -107,8 +107,11 @@ def take(browser: Browser, url: str, key: str, picture: Picture) -> None:
         viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light", reduced_motion="reduce"
     )
     context.set_default_timeout(PATIENCE_MS)
-    context.add_cookies([{"name": "gearcase_key", "value": key, "url": url}])
     page = context.new_page()
+    page.goto(f"{url}/sign-in")
+    page.get_by_label("Key").fill(key)
+    page.get_by_role("button", name="Sign in").click()
+    page.wait_for_url(f"{url}/fleet")
     page.goto(url + picture.page)
     if picture.first:
         page.locator(picture.first).first.evaluate("one => one.scrollIntoView({block: 'start'})")

@@ -48,7 +48,7 @@ def list_jobs(jobs: TheJobs, _: Operator, limit: Limit = 50, cursor: Cursor = No
 
 @router.get("/jobs/{job_id}/events", summary="What happens to a job, live", response_class=EventSourceResponse)
 async def job_events(
-    _: Operator,  # first: who may not ask does not learn which jobs there are
+    operator: Operator,  # first: who may not ask does not learn which jobs there are
     job: Existing,
     jobs: TheJobs,
     service: TheService,
@@ -59,11 +59,11 @@ async def job_events(
     """Every `progress` event has a number; a client that comes back with the last one it saw misses none.
 
     The stream ends with an `end` event that holds the job as `GET /jobs/{id}` gives it; without one, when the service
-    stops.
+    stops, or the key or session of who listens is over.
     """
     after = -1 if last_event_id is None else last_event_id
     async for event in service.job_feed.follow(job.id, after=after, patience_s=PATIENCE_S):
-        if service.stopping.is_set():
+        if service.stopping.is_set() or not await service.in_force.has(operator.credential):
             return
         if event is None:
             yield ServerSentEvent(comment="still there")

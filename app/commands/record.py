@@ -18,7 +18,8 @@ from app.report.words import verdict_of
 from signals.features import extract
 from signals.recording_quality.quality import FlagLevel
 
-EVERY_S, LONGEST_S = 1.0, 60.0
+EVERY_S, LONGEST_S, LONGEST_ONCE_S = 1.0, 60.0, 8.0
+"""How long it waits between two looks, and where the service is away; with --once it gives up after the last."""
 Service = Annotated[str, typer.Option(envvar="GEARCASE_URL", help="address of the service; its key is in GEARCASE_KEY")]
 
 
@@ -107,7 +108,8 @@ def watch(
     """Send each finished new recording of a folder to a service, once.
 
     What was sent is remembered through restarts of either side. Half-written files are waited for. While the service
-    is away, recordings wait. Sub-folders are not looked at.
+    is away, recordings wait; with --once it is tried for some seconds, and the exit code is 1 if it stays away and 2
+    if it refused a recording. Sub-folders are not looked at.
     """
     given = {
         "axis": frame.axis_name(axis),
@@ -123,15 +125,19 @@ def watch(
     stop = stop_on_signals()
     watched = WatchFolder(folder, Memory(memory or folder / MEMORY), settle, move_to)
     frame.say(f"watching {folder}; recordings go to {remote.url}")
-    pause_s, waited_for = EVERY_S, set[str]()
+    pause_s, waited_for, code = EVERY_S, set[str](), DONE
     while not stop.is_set():
         try:
             for path, found in watched.look():
-                watched.memory.add(_sent(remote, path, found, metadata))
+                sent = _sent(remote, path, found, metadata)
+                watched.memory.add(sent)
+                code = BAD_INPUT if sent.refused else code
                 if stop.is_set():
                     break
             pause_s = EVERY_S
         except UnreachableError as error:
+            if once and pause_s > LONGEST_ONCE_S:
+                raise UnreachableError(f"{error}; what was not sent waits for the next time") from None
             frame.say(f"{error}; the next attempt is made in {pause_s:g} s")
             stop.wait(pause_s)
             pause_s = min(2 * pause_s, LONGEST_S)
@@ -146,7 +152,7 @@ def watch(
         if once and not watched.unsettled:
             break
         stop.wait(EVERY_S)
-    raise typer.Exit(DONE)
+    raise typer.Exit(code if once else DONE)
 
 
 def _sent(remote: Remote, path: Path, found: Sent, metadata: dict[str, object]) -> Sent:

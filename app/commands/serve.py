@@ -3,6 +3,7 @@
 import asyncio
 import signal
 import socket
+import sys
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -22,6 +23,7 @@ from casebase.errors import DamagedError
 from casebase.store.integrity import RESTORE, cut_logs, faults_of
 
 RULE = "\N{BOX DRAWINGS HEAVY HORIZONTAL}" * 75
+FIRST_KEY = "first-admin-key"
 STOPPING_S = 4
 """Requests under way are given so long; the service ends within 5 s, who runs containers kills after 10."""
 
@@ -34,14 +36,22 @@ def serve(
         str, typer.Option(help="addresses of proxies whose X-Forwarded headers are believed; none by default")
     ] = "",
     log_folder: LogFolder = None,
+    show_key: Annotated[
+        bool | None, typer.Option(help="print the first admin key; by default only where stdout is a terminal")
+    ] = None,
 ) -> None:
-    """Serve the API and the pages; prints the address to open and, on the first start, the admin key."""
+    """Serve the API and the pages; prints the address to open.
+
+    On the first start it makes an admin key. Where that is not printed, it stands in the file first-admin-key of the
+    data folder.
+    """
     with _listen(host, port) as listening:
-        _serve(listening, worker=worker, proxies=proxies, log_folder=log_folder)
+        shown = sys.stdout.isatty() if show_key is None else show_key
+        _serve(listening, worker=worker, proxies=proxies, log_folder=log_folder, show_key=shown)
     leave(again=False)
 
 
-def _serve(listening: socket.socket, *, worker: bool, proxies: str, log_folder: Path | None) -> None:
+def _serve(listening: socket.socket, *, worker: bool, proxies: str, log_folder: Path | None, show_key: bool) -> None:
     service = Service.open(settings(), Metrics())
     try:
         faults = faults_of(service.library.engine)
@@ -49,7 +59,7 @@ def _serve(listening: socket.socket, *, worker: bool, proxies: str, log_folder: 
             raise DamagedError(f"the database is damaged ({faults[0]}). {RESTORE}")
         service.tidy()
         cut_logs(settings().data_dir)
-        first = _first_key(service)
+        first = _first_key(service, show=show_key)
         configure_logs("service", log_folder)
         config = uvicorn.Config(
             create_app(service=service),
@@ -78,9 +88,7 @@ def _stopped(_number: int, _frame: object) -> None:
 class Announced(uvicorn.Server):
     """A server that says where it is once it is there."""
 
-    def __init__(
-        self, config: uvicorn.Config, service: Service, first_key: str | None, log_folder: Path | None
-    ) -> None:
+    def __init__(self, config: uvicorn.Config, service: Service, first_key: str, log_folder: Path | None) -> None:
         super().__init__(config)
         self._service, self._first_key, self._log_folder = service, first_key, log_folder
 
@@ -96,8 +104,8 @@ class Announced(uvicorn.Server):
         for words in _emptiness(self._service):
             print(words)
         print(RULE)
-        if self._first_key is not None:
-            print(f"Admin key, shown this once: {self._first_key}")
+        if self._first_key:
+            print(self._first_key)
         host, port = sockets[0].getsockname()[:2]
         shown = f"[{host}]" if ":" in host else host
         print(f"Open http://{shown}:{port}{self._service.settings.root_path}/")
@@ -120,12 +128,20 @@ def _listen(host: str, port: int) -> socket.socket:
     return listening
 
 
-def _first_key(service: Service) -> str | None:
-    """Return an admin key, made because there was none at all, or None."""
+def _first_key(service: Service, *, show: bool) -> str:
+    """Make an admin key where there is none at all; say what it is, or which file it is in, since output may be a log.
+
+    The library is open: what this process writes is for its owner alone.
+    """
     with service.library.transaction(ACTOR) as session:
         if list_keys(session):
-            return None
-        return create_key(session, name="first admin", role=Role.ADMIN)[1]
+            return ""
+        key = create_key(session, name="first admin", role=Role.ADMIN)[1]
+        if show:
+            return f"Admin key, shown this once: {key}"
+        path = service.settings.data_dir.resolve() / FIRST_KEY
+        path.write_text(f"{key}\n", encoding="ascii")
+        return f"Admin key: in {path}. Remove that file when you have the key."
 
 
 def _emptiness(service: Service) -> list[str]:

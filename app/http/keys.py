@@ -1,7 +1,6 @@
 """Keys of the service: 256 random bits each, shown once, kept as SHA-256; each has a role."""
 
 import hashlib
-import hmac
 import secrets
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -10,14 +9,14 @@ from enum import StrEnum
 from threading import BoundedSemaphore, Event
 
 import structlog
-from sqlalchemy import select
+from sqlalchemy import delete, select
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from casebase.errors import ConflictError, InvalidRequestError, LibraryError, NotFoundError
 from casebase.library import CaseLibrary
 from casebase.store import audit
-from casebase.store.models import ROLES, ApiKey, now
+from casebase.store.models import ROLES, ApiKey, BrowserSession, now
 from casebase.store.pagination import Page, check_cursor, page_upwards
 
 PREFIX = "gearcase_"
@@ -47,7 +46,7 @@ def create_key(session: Session, *, name: str, role: Role) -> tuple[ApiKey, str]
             "a key needs a name of 1 to 200 characters, none of them a control character: whose key is it?"
         )
     key = PREFIX + secrets.token_urlsafe(32)
-    row = ApiKey(name=name, role=role.value, key_sha256=_digest(key), created_by=audit.actor_of(session))
+    row = ApiKey(name=name, role=role.value, key_sha256=digest(key), created_by=audit.actor_of(session))
     session.add(row)
     session.flush()
     audit.record(session, "key.created", ("key", row.id), after={"name": name, "role": role.value})
@@ -56,11 +55,7 @@ def create_key(session: Session, *, name: str, role: Role) -> tuple[ApiKey, str]
 
 def find_key(session: Session, key: str) -> ApiKey | None:
     """Return the row of a key that is in force, or None if it is unknown or revoked."""
-    digest = _digest(key)
-    row = session.scalar(select(ApiKey).where(ApiKey.key_sha256 == digest))
-    if row is None or not hmac.compare_digest(row.key_sha256, digest) or row.revoked_at is not None:
-        return None
-    return row
+    return session.scalar(select(ApiKey).where(ApiKey.key_sha256 == digest(key), ApiKey.revoked_at.is_(None)))
 
 
 def note_use(session: Session, key_id: str) -> None:
@@ -80,7 +75,7 @@ def keys_page(session: Session, *, limit: int = 50, cursor: str | None = None) -
 
 
 def revoke_key(session: Session, key_id: str) -> ApiKey:
-    """End a key for good; again is no error.
+    """End a key and its sessions for good; again is no error.
 
     Raises:
         NotFoundError: if no key has this id.
@@ -95,11 +90,13 @@ def revoke_key(session: Session, key_id: str) -> ApiKey:
     if session.scalars(admins).all() == [key_id]:
         raise ConflictError("this is the last admin key in force; create another one before you revoke it")
     row.revoked_at = now()
+    session.execute(delete(BrowserSession).where(BrowserSession.key_id == key_id))
     audit.record(session, "key.revoked", ("key", row.id), before={"name": row.name, "role": row.role})
     return row
 
 
-def _digest(key: str) -> str:
+def digest(key: str) -> str:
+    """Return what is kept of a key or of the token of a session."""
     return hashlib.sha256(key.encode()).hexdigest()
 
 

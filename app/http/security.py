@@ -1,4 +1,4 @@
-"""Who may do what: a role on every route, by key in a header or, for pages, in a cookie with a CSRF token.
+"""Who may do what: a role on every route, by key in a header or, for pages, by session in a cookie with a CSRF token.
 
 Few of what costs much are let in at once, of one key and of all; the others wait where they cost nothing.
 
@@ -23,14 +23,16 @@ from fastapi.security.http import HTTPAuthorizationCredentials
 from fastapi.security.utils import get_authorization_scheme_param
 
 from app.http.errors import Forbidden, NotAuthenticated, TooManyFailures
-from app.http.keys import PREFIX, Role, find_key
+from app.http.keys import PREFIX, Role, digest, find_key
+from app.http.sessions import key_of_session
 from app.service import Service, service_of
+from casebase.store.models import ApiKey
 
 __all__ = ["Admin", "Guard", "Operator", "Principal", "Role", "Viewer"]
 
 log = structlog.get_logger(__name__)
 
-COOKIE = "gearcase_key"
+COOKIE = "gearcase_session"
 FORM_COOKIE = "gearcase_form"
 """Of a browser that has no key yet: its sign-in form carries the token of this cookie."""
 
@@ -47,11 +49,12 @@ bearer = HTTPBearer(
 
 @dataclass(frozen=True)
 class Principal:
-    """Who asks."""
+    """Who asks, and by what: `credential` is the id of the key, or the SHA-256 of the token of a session."""
 
     key_id: str
     name: str
     role: Role
+    credential: str
 
     @property
     def actor(self) -> str:
@@ -70,7 +73,24 @@ def principal_of(service: Service, key: str, client: str) -> Principal:
         row = find_key(session, key)
     if row is None:
         raise _refusal(service, key, client)
-    principal = Principal(row.id, row.name, Role(row.role))
+    return _principal(service, row, row.id)
+
+
+def signed_in(service: Service, token: str) -> Principal:
+    """Return whose session this is.
+
+    Raises:
+        NotAuthenticated: if there is none, or it is over.
+    """
+    with service.library.reading() as session:
+        row = key_of_session(session, token)
+    if row is None:
+        raise NotAuthenticated("You are not signed in any more. Open /sign-in.")
+    return _principal(service, row, digest(token))
+
+
+def _principal(service: Service, row: ApiKey, credential: str) -> Principal:
+    principal = Principal(row.id, row.name, Role(row.role), credential)
     service.key_notes.used(row, principal.actor)
     return principal
 
@@ -90,13 +110,13 @@ def _refusal(service: Service, key: str, client: str) -> Exception:
     return NotAuthenticated("The key is unknown or has been revoked. An admin can make another one.")
 
 
-def csrf_token(key: str) -> str:
-    """Return the token that the forms of a page carry; it cannot be made without the key itself."""
-    return hmac.new(key.encode(), b"gearcase form", hashlib.sha256).hexdigest()
+def csrf_token(cookie: str) -> str:
+    """Return the token that the forms of a page carry; it cannot be made without the cookie itself."""
+    return hmac.new(cookie.encode(), b"gearcase form", hashlib.sha256).hexdigest()
 
 
 def check_csrf(request: Request, given: str, cookie: str = COOKIE) -> None:
-    """Compare the token of a form or header with the one that belongs to a cookie, by default to that with the key.
+    """Compare the token of a form or header with the one that belongs to a cookie, by default to that of the session.
 
     Raises:
         Forbidden: if they differ.
@@ -133,7 +153,7 @@ def _identify(request: Request) -> Principal:
     cookie = request.cookies.get(COOKIE)
     if cookie is None:
         raise NotAuthenticated(f"Send a key: `Authorization: Bearer {PREFIX}...`. An admin can make one.")
-    principal = principal_of(service, cookie, client_of(request))
+    principal = signed_in(service, cookie)
     if request.method not in SAFE_METHODS:
         check_csrf(request, request.headers.get(CSRF_HEADER, ""))
     return principal

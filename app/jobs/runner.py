@@ -20,14 +20,16 @@ from sqlalchemy import Select, and_, case, delete, func, or_, select, tuple_, up
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from app.jobs.job import JobKind, JobState, JobStateError, Json, Progress
+from app.jobs.job import JobError, JobKind, JobState, JobStateError, Json, Progress
 from app.jobs.jobs import ACTOR, OVER, POLL_S
 from app.storage_faults import is_passing
-from casebase.errors import LeaseLostError, StaleVersionError
+from casebase.errors import LeaseLostError, LibraryError, StaleVersionError
 from casebase.library import CaseLibrary
 from casebase.store import leases
 from casebase.store.leases import BEATS, LEASE_S, Silence
 from casebase.store.models import JobStep, StoredJob, StoredJobEvent, WorkerLease, now
+from signals.errors import SignalError
+from sim.errors import SimulationError
 
 LANES = (("task",), ("plan", "finish"), ("plan", "finish"), ("plan", "finish"))
 """What the threads of a worker do: one at a time of the tasks, and some beside it of what may wait for a network."""
@@ -37,6 +39,8 @@ FINISHING_S = 1.0
 """What is under way when a worker is told to stop is given so long; it may be minutes of work, and is done again."""
 LEAVING_S = 4.0
 """In all a worker ends within 5 s of being told, with or without a database; who runs containers kills after 10 s."""
+EXPECTED = JobError, LibraryError, SignalError, SimulationError
+"""What is wrong with what somebody ordered: its words say all, where the program was says nothing."""
 REPORTED = 0.005
 """A step that is less further says nothing of it."""
 LOG = structlog.get_logger(__name__)
@@ -158,7 +162,8 @@ class Worker:
         except Exception as error:
             if self.stop.is_set():
                 return False  # what fails while all is taken down stays, for another worker
-            LOG.warning("a step of a job failed", job=claim.key[0], number=claim.key[1], exc_info=True)
+            about = {"job": claim.key[0], "number": claim.key[1], "error": str(error)}
+            LOG.warning("a step of a job failed", **about, exc_info=not isinstance(error, EXPECTED))
             self.patiently(self._close, claim, None, error)
         finally:
             self.running.discard(claim.key)

@@ -31,7 +31,7 @@ from casebase.description import Labelling, RecordingDescription, check_name
 from casebase.library import CaseLibrary
 from casebase.reasoning.plausibility import Expected, Known, held_against
 from casebase.store.audio_store import Content
-from casebase.store.fields import AxisName, Label, Moment, Positive, Text, Verification, Verified, Word
+from casebase.store.fields import AxisName, Label, Moment, Positive, Text, Verification, Verified, Word, is_ahead
 from casebase.store.models import StoredDiagnosis, StoredRecording
 from signals.condition import OperatingCondition
 from signals.features import Extraction, extract
@@ -73,7 +73,9 @@ class RecordingMetadata(BaseModel):
     temperature_degc: Annotated[FiniteFloat, Field(ge=-100, le=300)] | None = Field(
         None, description="of the gearbox [°C]"
     )
-    recorded_at: Moment | None = Field(None, description="RFC 3339 with an offset, e.g. 2026-11-20T14:03:00+01:00")
+    recorded_at: Moment | None = Field(
+        None, description="RFC 3339 with an offset, such as 2026-11-20T14:03:00+01:00; not in the future"
+    )
     verified_by: Verification | None = Field(None, description="how the label was verified, e.g. gearbox opened")
     notes: Text | None = Field(None, description="anything else")
 
@@ -217,14 +219,19 @@ def media_type_of(file_name: str) -> str:
 def when_recorded(recording: Recording, said: datetime | None) -> tuple[datetime | None, tuple[str, ...]]:
     """Return when a sound was recorded, what was said before what the recorder's clock says, and a remark on it.
 
-    A clock without an offset is taken to be that of the site (`GEARCASE_TIME_ZONE`).
+    A clock without an offset is taken to be that of the site (`GEARCASE_TIME_ZONE`); one that is ahead says nothing.
     """
     clock = recording.source.recorded_at
-    if said is not None or clock is None or clock.tzinfo is not None:
-        return said or clock, ()
+    if said is not None or clock is None:
+        return said, ()
     zone = settings_of().time_zone
-    remark = f"the recorder's clock said {clock:%Y-%m-%d %H:%M:%S} without an offset, which was taken as time of {zone}"
-    return clock.replace(tzinfo=ZoneInfo(zone)), (remark,)
+    when = clock if clock.tzinfo is not None else clock.replace(tzinfo=ZoneInfo(zone))
+    shown = f"the recorder's clock said {clock:%Y-%m-%d %H:%M:%S}"
+    if is_ahead(when):
+        return None, (f"{shown}, which lies in the future, so it is not known when this was recorded",)
+    if when is clock:
+        return when, ()
+    return when, (f"{shown} without an offset, which was taken as time of {zone}",)
 
 
 def orders_of(axis: Axis | None) -> tuple[tuple[float, ...], tuple[float, ...]]:

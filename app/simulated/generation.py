@@ -11,6 +11,7 @@ import io
 import json
 import math
 import os
+import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -247,7 +248,11 @@ def in_parallel(work: Callable[[Task], Done], tasks: Sequence[Task], processes: 
         yield from map(work, tasks)
         return
     with ProcessPoolExecutor(processes, get_context("spawn"), initializer=_end_with_parent) as pool:
-        yield from pool.map(work, tasks, chunksize=together)
+        # its processes inherit this: Ctrl-C is for the one that started them, and each would print where it was
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        done = pool.map(work, tasks, chunksize=together)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        yield from done
 
 
 def _end_with_parent() -> None:

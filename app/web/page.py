@@ -1,6 +1,6 @@
 """What every page is made with: who looks at it, what it is filled with, where its forms lead.
 
-A key stands in an HttpOnly cookie; forms carry a token that only a page of ours could know.
+A session stands in an HttpOnly cookie; forms carry a token that only a page of ours could know.
 """
 
 import json
@@ -28,10 +28,9 @@ from app.http.security import (
     Role,
     admitted,
     check_csrf,
-    client_of,
     csrf_token,
     known,
-    principal_of,
+    signed_in,
 )
 from app.http.uploads import check_whole
 from app.report.formatting import ENVIRONMENT, instant, sentence
@@ -76,11 +75,11 @@ def below_root(request: Request) -> str:
 
 def visitor(request: Request) -> Principal | None:
     """Return who is signed in by cookie, or None."""
-    key = request.cookies.get(COOKIE)
-    if known(request) or not key:
+    token = request.cookies.get(COOKIE)
+    if known(request) or not token:
         return known(request)
     try:
-        return admitted(request, principal_of(service_of(request), key, client_of(request)))
+        return admitted(request, signed_in(service_of(request), token))
     except NotAuthenticated:
         return None
 

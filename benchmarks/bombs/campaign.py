@@ -71,7 +71,7 @@ class Campaign:
         for sent in batch:
             given = dict(sent.given)
             if sent.form:
-                given["data"] = {**given.get("data", {}), "csrf": csrf_token(self.server.keys["admin"])}
+                given["data"] = {**given.get("data", {}), "csrf": csrf_token(browser.cookies[COOKIE])}
             answer = (browser if sent.form else client).request(sent.method, sent.path, **given)
             self.tally.answers[kind, answer.status_code] += 1
             taken = taken or answer.status_code < 400
@@ -88,7 +88,7 @@ class Campaign:
         return int(items[0]["id"]) if items else 0
 
     def browser(self) -> httpx.Client:
-        cookies = {COOKIE: self.server.keys["admin"]}
+        cookies = self.server.session("admin")
         return httpx.Client(base_url=self.server.url, cookies=cookies, headers={"Accept": "text/html"}, timeout=120)
 
     @contextmanager

@@ -121,8 +121,8 @@ def asked(service: Service, known: Known, path: str, options: Options, point: Cr
     app.state.service, app.state.gate, app.state.looking = service, ConcurrencyLimiter(4, 4), ConcurrencyLimiter(1, 1)
     headers = {"Authorization": f"Bearer {known.key}", "Idempotency-Key": "once"}
     if not path.startswith("/api/"):
-        headers = {"Accept": "text/html", "Cookie": f"{COOKIE}={known.key}"}
-        options = {**options, "data": {"csrf": csrf_token(known.key), **options["data"]}}
+        headers = {"Accept": "text/html", "Cookie": f"{COOKIE}={known.session}"}
+        options = {**options, "data": {"csrf": csrf_token(known.session), **options["data"]}}
 
     async def run() -> httpx.Response:
         transport = httpx.ASGITransport(point.answering(app) if point else app, raise_app_exceptions=False)

@@ -13,6 +13,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from app.http.keys import Role, create_key
+from app.http.sessions import open_session
 from app.recordings.intake import RecordingMetadata, take_in
 from app.service import Service
 from benchmarks.harness.sounds import sound
@@ -56,10 +57,11 @@ COUNTED = (
 
 @dataclass(frozen=True)
 class Known:
-    """What a database holds: the key of an admin, a diagnosis, an investigation that found, who is told, and the number
-    of a step that stands: a verdict on another diagnosis."""
+    """What a database holds: key and session of an admin, a diagnosis, an investigation that found, who is told, and
+    the number of a step that stands: a verdict on another diagnosis."""
 
     key: str
+    session: str
     diagnosis: str
     investigation: str
     receiver: str
@@ -143,7 +145,8 @@ def fill(service: Service) -> Known:
     path.write_bytes(sound(100, seconds=2.0))
     intake = take_in(library, path, "first.wav", "audio/wav", RecordingMetadata(gearbox="g0"))
     with library.transaction("chaos") as session:
-        _, key = create_key(session, name="chaos", role=Role.ADMIN)
+        row, key = create_key(session, name="chaos", role=Role.ADMIN)
+        signed_in = open_session(session, row.id)
         diagnosis = intake.diagnose(library, session)
         session.add(AxisRevision(name="paper", revision=1, document={**AXIS, "name": "paper"}, created_by="chaos"))
         extended = {**FREE, "motor": {"inertia_kg_m2": 0.006, "coulomb_friction_n_m": 0.4}}
@@ -158,7 +161,7 @@ def fill(service: Service) -> Known:
         (step,) = standing(session, ("diagnosis", rejected.id))
         number = step.id
     path.unlink()
-    return Known(key, diagnosis.id, found.id, receiver, number)
+    return Known(key, signed_in, diagnosis.id, found.id, receiver, number)
 
 
 def counts(session: Session) -> dict[str, int]:

@@ -15,6 +15,7 @@ from structlog.testing import capture_logs
 from app.http.keys import Role, create_key
 from app.http.middleware import Metrics
 from app.http.security import COOKIE, FORM_COOKIE, ConcurrencyLimiter, csrf_token
+from app.http.sessions import open_session
 from app.jobs.job import Job, JobNotFoundError, Progress
 from app.main import create_app
 from app.service import Service
@@ -25,16 +26,17 @@ from casebase.store.pagination import Page
 
 @dataclass
 class Inside:
-    """An application and a key of an admin."""
+    """An application, the key of an admin, and a session of it."""
 
     app: FastAPI
     service: Service
     key: str
+    session: str
 
     @property
     def token(self) -> str:
         """What the forms of its pages carry."""
-        return csrf_token(self.key)
+        return csrf_token(self.session)
 
     def ask(self, method: str, path: str, **options: Any) -> httpx.Response:
         """Ask as a program does, with the key."""
@@ -44,7 +46,9 @@ class Inside:
         """Ask as a browser does: wants HTML, has the cookies and, for a form, the token of its page."""
         if "data" in options:
             options["data"] = {"csrf": self.token, **options["data"]}
-        cookies = f"{COOKIE}={self.key}; {FORM_COOKIE}={self.key}"  # alike, so that one token is that of any form
+        cookies = (
+            f"{COOKIE}={self.session}; {FORM_COOKIE}={self.session}"  # alike, so that one token is that of any form
+        )
         return self._sent(method, path, {"Accept": "text/html", "Cookie": cookies}, options)
 
     def anonymous(self, method: str, path: str, **options: Any) -> httpx.Response:
@@ -71,11 +75,12 @@ def inside(data_dir: Path, database_url: str | None = None) -> Iterator[Inside]:
         settings = settings.model_copy(update={"database_url": database_url})
     service = Service.open(settings, Metrics())
     with service.library.transaction("test") as session:
-        _, key = create_key(session, name="test", role=Role.ADMIN)
+        row, key = create_key(session, name="test", role=Role.ADMIN)
+        token = open_session(session, row.id)
     app = create_app(service=service)
     app.state.service, app.state.gate, app.state.looking = service, ConcurrencyLimiter(4, 4), ConcurrencyLimiter(1, 1)
     with capture_logs():  # tracebacks drawn for people take seconds each
-        yield Inside(app, service, key)
+        yield Inside(app, service, key, token)
     service.close()
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import httpx
 
 from app.cli import run
+from app.http.security import COOKIE
 
 ROLES = ("viewer", "operator", "admin")
 START_S = 60.0
@@ -56,7 +57,7 @@ class LiveServer:
         """Start the service and wait until it has printed its address."""
         log = (self.data_dir.parent / "service.log").open("a")
         command = [sys.executable, "-m", "app", "serve", "--port", str(self.port)]
-        command += ["--worker" if self.worker else "--no-worker"]
+        command += ["--show-key", "--worker" if self.worker else "--no-worker"]
         self.process = subprocess.Popen(
             [*command, "--data-dir", str(self.data_dir)],
             stdout=subprocess.PIPE,
@@ -130,6 +131,12 @@ class LiveServer:
         """A client with the key of a role, or with none; close it after use."""
         headers = {"Authorization": f"Bearer {self.keys[role]}"} if role else {}
         return httpx.Client(base_url=self.url, headers=headers, timeout=60.0, **options)  # type: ignore[arg-type]
+
+    def session(self, role: str) -> dict[str, str]:
+        """The cookie of a browser that has signed in with the key of a role."""
+        with httpx.Client(base_url=self.url) as browser:
+            sign_in(browser, self.keys[role])
+            return {COOKIE: browser.cookies[COOKIE]}
 
 
 def sign_in(browser: httpx.Client, key: str, path: str = "/") -> httpx.Response:

@@ -26,7 +26,6 @@ from sim.investigation.investigate import investigate
 from sim.investigation.report.summary import story
 from sim.investigation.results import Investigation
 
-COOKIE = "gearcase_key"
 KNOWN = ((1, "normal"), (2, "normal"), (3, "normal"), (4, "notch"))
 """Seed and label of measured cases."""
 AXIS = """schema = "gearcase-axis/1"
@@ -181,5 +180,5 @@ def browsing(site: Site, role: str | None) -> Iterator[httpx.Client]:
     with site.server.client(None, follow_redirects=False) as client:
         client.headers["Accept"] = "text/html"
         if role is not None:
-            client.cookies.set(COOKIE, site.server.keys[role])
+            client.cookies.update(site.server.session(role))
         yield client

@@ -2,7 +2,7 @@
 
 A backup is a folder: `gearcase.db`, `audio/`, and `checksums.json`, which is written last and says which recordings
 were erased: their audio is not missing. `gearcase.db` is SQLite whatever the database was, so that a backup of either
-is restored into either.
+is restored into either. It has no sessions of browsers: a restore would begin again what somebody ended.
 """
 
 import json
@@ -24,7 +24,7 @@ from casebase.errors import BackupError
 from casebase.recordings import unspoken
 from casebase.store.audio_store import AudioStore, sha256_of, sync_folder
 from casebase.store.database import WRITING, create_engine_for, sqlite_url, upgrade_database
-from casebase.store.models import Base, LibraryCounter, now
+from casebase.store.models import Base, BrowserSession, LibraryCounter, now
 from signals.reading.plain_file import plain_bytes
 
 CHECKSUMS = "checksums.json"
@@ -73,6 +73,8 @@ def backup(engine: Engine, data_dir: Path, target: Path) -> int:
 def _copy_database(source: Path, target: Path) -> None:
     with closing(sqlite3.connect(source)) as live, closing(sqlite3.connect(target)) as copy:
         live.backup(copy)
+        copy.execute(f"DELETE FROM {BrowserSession.__tablename__}")  # noqa: S608 - a name of ours
+        copy.commit()
 
 
 @contextmanager
@@ -209,7 +211,7 @@ def copy_rows(source: Engine, target: Engine) -> None:
     ):
         _check_empty(there)
         there.execute(delete(LibraryCounter))
-        for table in Base.metadata.sorted_tables:
+        for table in (each for each in Base.metadata.sorted_tables if each.name != BrowserSession.__tablename__):
             for rows in here.execution_options(yield_per=AT_A_TIME).execute(select(table)).mappings().partitions():
                 for alike in _alike(table, rows):
                     there.execute(insert(table), alike)

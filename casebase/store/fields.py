@@ -1,6 +1,6 @@
 """What the texts and numbers of a description may be: the same over HTTP, on the command line and in bundles."""
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, AwareDatetime, Field, FiniteFloat, StringConstraints
@@ -44,15 +44,20 @@ AxisName = Annotated[
 ]
 
 
-def _representable(value: datetime) -> datetime:
-    try:
-        value.astimezone(UTC)
-    except OverflowError:
-        raise ValueError("lies outside the years 1 to 9999 in UTC") from None
+def is_ahead(value: datetime) -> bool:
+    """Whether a time lies in the future, by more than two clocks and a forgotten time zone may differ."""
+    return value > datetime.now(UTC) + timedelta(days=1)
+
+
+def _past(value: datetime) -> datetime:
+    if value.timestamp() <= 0:
+        raise ValueError("lies before 1970, as of a clock that was never set; leave it out where it is not known")
+    if is_ahead(value):
+        raise ValueError("lies in the future; give the time at which it was recorded, or leave it out")
     return value
 
 
-Moment = Annotated[AwareDatetime, AfterValidator(_representable)]
-"""A time with an offset that can be told in UTC."""
+Moment = Annotated[AwareDatetime, AfterValidator(_past)]
+"""When something was recorded, with an offset."""
 Label = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_.-]{0,99}$")]
 Positive = Annotated[FiniteFloat, Field(ge=1e-9, le=1e9)]

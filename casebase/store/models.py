@@ -475,6 +475,17 @@ class ApiKey(Identified, Created, Base):
     revoked_at: Mapped[datetime | None]
 
 
+class BrowserSession(Base):
+    """Somebody who signed in with a key; the token in the cookie is known by its SHA-256 alone."""
+
+    __tablename__ = "sessions"
+
+    token_sha256: Mapped[str] = mapped_column(String(64), primary_key=True)
+    key_id: Mapped[str] = mapped_column(ForeignKey("api_keys.id"))
+    created_at: Mapped[datetime] = mapped_column(default=now)
+    expires_at: Mapped[datetime]
+
+
 class AuditEntry(Base):
     """Who did what to which; triggers keep it append-only."""
 

@@ -7,7 +7,7 @@ from sqlalchemy.dialects.postgresql import JSONB
 
 from casebase.store.database import FloatVector, UtcDateTime
 
-revision = "2"
+revision = "3"
 down_revision = None
 
 JSON = sa.JSON().with_variant(JSONB(), "postgresql")
@@ -357,6 +357,15 @@ def create_tables() -> None:
             ["investigation_id"], ["investigations.id"], name=op.f("fk_robots_investigation_id_investigations")
         ),
         sa.PrimaryKeyConstraint("name", "revision", name=op.f("pk_robots")),
+    )
+    op.create_table(
+        "sessions",
+        Column("token_sha256", sa.String(length=64), nullable=False),
+        Column("key_id", sa.String(length=32), nullable=False),
+        Column("created_at", UtcDateTime(), nullable=False),
+        Column("expires_at", UtcDateTime(), nullable=False),
+        sa.ForeignKeyConstraint(["key_id"], ["api_keys.id"], name=op.f("fk_sessions_key_id_api_keys")),
+        sa.PrimaryKeyConstraint("token_sha256", name=op.f("pk_sessions")),
     )
     op.create_table(
         "sound_keys",

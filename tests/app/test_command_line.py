@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from importlib.metadata import version
@@ -13,10 +14,13 @@ import pytest
 
 from app.cli import run
 from app.commands.faults import sentence
-from app.commands.serve import RULE
+from app.commands.serve import FIRST_KEY, RULE
 from benchmarks.harness.live import gearcase
 from benchmarks.harness.sounds import sound
 from benchmarks.harness.telemetry_of import one_body
+from sim.description.axis_document import write_axis
+from sim.experiment.paper_axis import PAPER_AXIS
+from tests.app.alarms.receivers import wait_for
 
 
 @pytest.fixture(scope="module")
@@ -65,9 +69,11 @@ def test_data_dir_by_environment_and_module(tmp_path: Path) -> None:
     assert (tmp_path / "there" / "gearcase.db").is_file()
 
 
-def test_address_and_key_stand_together_at_the_end_and_the_log_elsewhere(tmp_path: Path) -> None:
-    """As `make run` asks for it: between two rules, with nothing among them, and nothing on stderr."""
-    words = ("serve", "--port", "0", "--no-worker", "--data-dir", str(tmp_path / "data"), "--log-folder", str(tmp_path))
+@pytest.mark.parametrize("shown", [True, False])
+def test_address_and_key_stand_together_at_the_end(tmp_path: Path, shown: bool) -> None:
+    """Between two rules; the key itself only if asked for, as `make run` does: without a terminal, output is a log."""
+    words = ["serve", "--port", "0", "--no-worker", "--data-dir", str(tmp_path / "data"), "--log-folder", str(tmp_path)]
+    words += ["--show-key"] if shown else []
     service = subprocess.Popen(
         [sys.executable, "-m", "app", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -79,14 +85,42 @@ def test_address_and_key_stand_together_at_the_end_and_the_log_elsewhere(tmp_pat
             break
     first, key, opened, log, _ = printed[-5:]
     assert first == RULE
-    assert key.startswith("Admin key, shown this once: gearcase_")
+    assert ("gearcase_" in key) == shown
+    path = tmp_path / "data" / FIRST_KEY
+    assert shown != path.exists()
+    if not shown:
+        assert str(path) in key
+        assert path.stat().st_mode & 0o777 == 0o600
+    bearer = key.split()[-1] if shown else path.read_text().strip()
     assert str(tmp_path) in log
-    assert httpx.get(f"{opened.removeprefix('Open ')}livez").status_code == 200
+    url, headers = opened.removeprefix("Open "), {"Authorization": f"Bearer {bearer}"}
+    assert httpx.get(f"{url}api/v1/keys", headers=headers).status_code == 200
     service.terminate()
     _, stderr = service.communicate(timeout=60)
     assert stderr == ""
     entries = [json.loads(line) for line in (tmp_path / "service.log").read_text().splitlines()]
-    assert "/livez" in {entry.get("path") for entry in entries}
+    assert "/api/v1/keys" in {entry.get("path") for entry in entries}
+
+
+def test_ctrl_c_leaves_one_sentence_of_what_is_kept(tmp_path: Path) -> None:
+    """As a terminal sends it: to the command and to the processes that it started."""
+    axis = tmp_path / "axis.toml"
+    axis.write_text(write_axis(PAPER_AXIS))
+    words = ["generate", "--axis", str(axis), "--per-label", "9", "--processes", "2", "--json"]
+    running = subprocess.Popen(
+        [sys.executable, "-m", "app", *words, "--data-dir", str(tmp_path / "data")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    children = Path(f"/proc/{running.pid}/task/{running.pid}/children")
+    wait_for(lambda: len(children.read_text().split()) > 2, "its processes")
+    os.killpg(running.pid, signal.SIGINT)
+    out, words_of_it = running.communicate(timeout=60)
+    assert "library" in json.loads(out)["error"]
+    assert "Traceback" not in words_of_it
+    assert words_of_it.splitlines()[-1].startswith("gearcase: stopped")
 
 
 def test_key_is_alone_on_stdout(data_dir: Path) -> None:

@@ -150,7 +150,7 @@ def test_when_a_notch_comes_is_said_as_a_time_of_the_cycle_and_no_angle(
     time_s = event["value"] / 360 * period_s
     assert f"{time_s:.2f} s into the motion's cycle" in event["statement"]
     assert "angle" not in event["statement"]
-    cookies = {"gearcase_key": server.keys["viewer"]}
+    cookies = server.session("viewer")
     page = httpx.get(f"{server.url}/diagnoses/{made['id']}", cookies=cookies).raise_for_status().text
     assert "Time in the cycle" in page
     assert "<dt>Angle</dt>" not in page

@@ -76,6 +76,9 @@ def test_a_problem_says_where_it_is(viewer: httpx.Client) -> None:
     [
         ({"label": "notch", "colour": "red"}, "colour"),
         ({"label": "notch", "recorded_at": "2026-11-20T14:03:00"}, "recorded_at"),
+        ({"label": "notch", "recorded_at": "2099-01-01T00:00:00Z"}, "future"),
+        ({"label": "notch", "recorded_at": "9999-12-31T23:59:59-14:00"}, "future"),
+        ({"label": "notch", "recorded_at": "0001-01-01T00:00:00+14:00"}, "1970"),
         ({"label": "notch", "speed_rad_s": "fast"}, "speed_rad_s"),
         ({"label": "notch", "speed_rad_s": -1}, "speed_rad_s"),
         ({"label": "notch", "motion_period_s": 3e8}, "motion_period_s"),

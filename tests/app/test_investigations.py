@@ -182,7 +182,7 @@ def test_a_diagnosis_brings_its_recording_and_its_axis(
     library.close()
     listed = operator.get(URL, params={"limit": 1}).json()["items"][0]
     assert (listed["diagnosis_id"], listed["axis"]) == (diagnosed["id"], "heard axis")
-    cookies = {"gearcase_key": live_server.keys["viewer"]}
+    cookies = live_server.session("viewer")
     here, there = f"/diagnoses/{diagnosed['id']}", f"/investigations/{identity}"
     for page, other in ((here, there), (there, here)):
         text = httpx.get(f"{live_server.url}{page}", cookies=cookies).raise_for_status().text
@@ -262,7 +262,7 @@ def test_several_telemetries_become_one_document_and_one_report(
     assert {f["mechanism"] for f in document["findings"]} == {"coulomb_friction", "viscous_friction"}
     page = viewer.get(f"{URL}/{identity}/report", headers={"Accept": "text/html"}).text
     assert page.count('<details id="recording-') == 2
-    cookies = {"gearcase_key": live_server.keys["viewer"]}
+    cookies = live_server.session("viewer")
     shown = httpx.get(f"{live_server.url}/investigations/{identity}", cookies=cookies).raise_for_status().text
     listed = shown.index("<h2>Recordings</h2>")
     assert listed < shown.index("monday.csv", listed) < shown.index("friday.csv", listed)
@@ -299,7 +299,7 @@ def test_two_of_one_axis_are_compared_and_those_of_two_axes_refused(
         assert [(one["mechanism"], one["became"]) for one in found["findings"]] == [("backlash", "came")]
     refused = viewer.get(f"{URL}/{ids['later']}/comparison", params={"with": ids["other"]})
     assert (refused.status_code, "'once'" in refused.json()["detail"]) == (409, True)
-    cookies = {"gearcase_key": live_server.keys["viewer"]}
+    cookies = live_server.session("viewer")
     with httpx.Client(base_url=live_server.url, cookies=cookies) as browser:
         page = browser.get(f"/investigations/{ids['later']}").raise_for_status().text
         assert f'<option value="{ids["earlier"]}">' in page

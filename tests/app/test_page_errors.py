@@ -86,8 +86,8 @@ def test_a_fault_in_any_page_is_a_page(
     service: Inside, monkeypatch: pytest.MonkeyPatch, method: str, path: str
 ) -> None:
     """HTML with the words of the problem document, its status, headers and id."""
-    for where in ("app.web.pages.admin", "app.web.page"):
-        monkeypatch.setattr(f"{where}.principal_of", fail)
+    for name in ("app.web.pages.admin.principal_of", "app.web.page.signed_in"):
+        monkeypatch.setattr(name, fail)
     monkeypatch.setitem(service.app.dependency_overrides, visitor, fail_as_a_dependency)
     form = {"data": {"key": "gearcase_x"}} if method == "POST" else {}
     answer = service.browse(method, address(path), **form)

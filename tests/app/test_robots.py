@@ -133,7 +133,7 @@ def test_a_robot_becomes_one_document_page_and_report(
     assert admin.post(f"{URL}/{identity}/accept").json()["revision"] == taken["revision"]
 
     report = viewer.get(f"{URL}/{identity}/report", headers={"Accept": "text/html"}).text
-    cookies = {"gearcase_key": live_server.keys["viewer"]}
+    cookies = live_server.session("viewer")
     page = httpx.get(f"{live_server.url}/investigations/{identity}", cookies=cookies).raise_for_status().text
     for shown in (report, page):
         assert [f'id="joint-{k}"' in shown for k in (1, 2, 3)] == [True, True, False]

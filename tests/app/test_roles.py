@@ -1,12 +1,19 @@
 """Every operation of the OpenAPI document, asked by every role and by nobody."""
 
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
 from app.http.reference import role_of
-from benchmarks.harness.live import ROLES, LiveServer
+from app.http.security import COOKIE, CSRF_HEADER, csrf_token
+from benchmarks.harness.live import ROLES, LiveServer, started
+from benchmarks.harness.site import KNOWN, Site, fill
+from sim.experiment.paper_axis import PAPER_AXIS
 
 OPEN = {"/livez", "/readyz"}
 METHODS = ("get", "post", "put", "patch", "delete")
@@ -83,3 +90,76 @@ def test_every_operation_asks_for_its_role(
 def ask(client: httpx.Client, method: str, path: str) -> int:
     with client.stream(method, path, headers={"Accept": "*/*"}) as answer:
         return answer.status_code
+
+
+BODIES = {"diagnosis_id": {"verdict": "rejected"}, "case_id": {"note": "changed"}}
+BY_ITSELF = {"api_keys", "artifacts", "audit", "sqlite_sequence"}
+"""Tables that change where somebody asks and is refused; of keys only when they were used."""
+
+
+@pytest.fixture
+def filled_server(tmp_path: Path) -> Iterator[tuple[LiveServer, dict[str, str]]]:
+    """A service with one of everything that can be changed, and its ids by the names that paths have for them."""
+    server = started(tmp_path / "data")
+    site = Site(server, tmp_path)
+    fill(site, KNOWN[:1])
+    with server.client() as admin:
+        wanted = {"axis": PAPER_AXIS.to_mapping(), "per_label": 1}
+        job = admin.post("/api/v1/simulations", json=wanted).raise_for_status().headers["location"]
+        other = admin.post("/api/v1/keys", json={"name": "another", "role": "viewer"}).raise_for_status().json()
+        listed = {noun: admin.get(f"/api/v1/alarms/{noun}").json() for noun in ("receivers", "rules")}
+    yield (
+        server,
+        {
+            "diagnosis_id": site.diagnosis,
+            "case_id": site.case,
+            "recording_id": site.recorded,
+            "name": "bench",
+            "job_id": job.rpartition("/")[2],
+            "receiver_id": listed["receivers"][0]["id"],
+            "rule_id": listed["rules"][0]["id"],
+            "key_id": other["id"],
+        },
+    )
+    server.stop()
+
+
+def stored(server: LiveServer) -> dict[str, list[Any]]:
+    """All rows, of keys those that are in force."""
+    with closing(sqlite3.connect(server.data_dir / "gearcase.db")) as database:
+        tables = [name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        found = {name: database.execute(f"SELECT * FROM {name}").fetchall() for name in {*tables} - BY_ITSELF}
+        return found | {"in force": database.execute("SELECT id FROM api_keys WHERE revoked_at IS NULL").fetchall()}
+
+
+def test_who_is_refused_changes_nothing(filled_server: tuple[LiveServer, dict[str, str]]) -> None:
+    """Asked by nobody, by lower roles, and in a browser with the token of another one; the right role may, whoever."""
+    server, ids = filled_server
+    with server.client(None) as client:
+        found = operations(client.get("/openapi.json").json())
+    changes = [
+        (method, path.format(**ids), next((body for name, body in BODIES.items() if name in path), None), needed or "")
+        for method, path, needed in found
+        if method not in ("get", "post")
+    ]
+    sessions = {role: server.session(role)[COOKIE] for role in ROLES}
+    other = csrf_token(server.session("admin")[COOKIE])
+    before = stored(server)
+    for method, path, body, needed in changes:
+        askers: list[tuple[str | None, dict[str, str]]] = [(None, {}), (None, as_browser(sessions["admin"], other))]
+        for role in ROLES[: ROLES.index(needed)]:
+            askers += [(role, {}), (None, as_browser(sessions[role], csrf_token(sessions[role])))]
+        for asker, headers in askers:
+            with server.client(asker) as client:
+                assert client.request(method, path, json=body, headers=headers).status_code in (401, 403), path
+    assert stored(server) == before
+    with server.client() as admin:
+        for role in ROLES:
+            server.keys[role] = admin.post("/api/v1/keys", json={"name": "second", "role": role}).json()["key"]
+    for method, path, body, needed in changes:
+        with server.client(needed) as second:
+            assert second.request(method, path, json=body).status_code in (200, 204, 409), path
+
+
+def as_browser(cookie: str, token: str) -> dict[str, str]:
+    return {"Cookie": f"{COOKIE}={cookie}", CSRF_HEADER: token}

@@ -40,6 +40,19 @@ def test_the_recorders_clock_and_name_are_kept(site: CaseLibrary, tmp_path: Path
     assert any("without an offset" in remark and "Europe/Stockholm" in remark for remark in intake.remarks)
 
 
+def test_a_recorders_clock_that_is_ahead_says_nothing(site: CaseLibrary, tmp_path: Path) -> None:
+    path = tmp_path / "bwf.wav"
+    path.write_bytes(riff(fmt(), chunk(b"bext", BEXT.replace(b"2026", b"2099")), chunk(b"data", pcm(SAMPLES))))
+    intake = take_in(site, path, path.name, "audio/wav", RecordingMetadata.model_validate({}))
+    assert intake.description.recorded_at is None
+    assert any("future" in remark for remark in intake.remarks)
+
+
+def test_clocks_of_recorder_and_service_may_differ() -> None:
+    for hours in (-1, 20):
+        RecordingMetadata.model_validate({"recorded_at": (datetime.now(UTC) + timedelta(hours=hours)).isoformat()})
+
+
 def test_what_is_said_comes_before_the_recorders_clock(site: CaseLibrary, tmp_path: Path) -> None:
     path = tmp_path / "bwf.wav"
     path.write_bytes(riff(fmt(), chunk(b"bext", BEXT), chunk(b"data", pcm(SAMPLES))))

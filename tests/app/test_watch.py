@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from app.commands import record
 from app.recordings.watch_folder import MEMORY, Memory, Sent, WatchFolder
 from benchmarks.harness.live import LiveServer, gearcase
 from benchmarks.harness.sounds import sound
@@ -60,7 +61,7 @@ def test_each_recording_is_sent_once(server: LiveServer, tmp_path: Path, monkeyp
     (folder / "a under another name.wav").write_bytes(whole)
     (folder / "c.wav").write_bytes(b"no sound" * 400)
     done = gearcase(*words, "--once", data_dir=tmp_path / "elsewhere")
-    assert done.code == 0, done.stderr
+    assert done.code == 2, done.stderr
     assert diagnoses(server) == ["b.wav", "a.wav"]
     assert "c.wav: refused: the service answered 415" in done.stdout
 
@@ -78,6 +79,17 @@ def test_each_recording_is_sent_once(server: LiveServer, tmp_path: Path, monkeyp
     ]
     done = gearcase(*words, "--once", data_dir=tmp_path / "elsewhere")
     assert done.stdout == ""
+
+
+def test_once_gives_up_where_the_service_stays_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GEARCASE_KEY", "gearcase_any")
+    monkeypatch.setattr(record, "EVERY_S", 0.01)
+    monkeypatch.setattr(record, "LONGEST_ONCE_S", 0.05)
+    (tmp_path / "a.wav").write_bytes(sound(1))
+    away = f"http://127.0.0.1:{free_port()}"
+    done = gearcase("watch", tmp_path, "--url", away, "--settle", "0", "--once", data_dir=tmp_path / "data")
+    assert done.code == 1
+    assert away in done.stderr.splitlines()[-1]
 
 
 def test_a_key_that_is_none_ends_it_with_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

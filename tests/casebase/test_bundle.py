@@ -63,6 +63,8 @@ def doubled(bundle: zipfile.ZipFile) -> None:
     bundle.writestr("audio/./a", b"2")
 
 
+FROM_TOMORROW: dict[str, object] = {"audio": "audio/a", "sha256": "0" * 64, "label": "notch"}
+FROM_TOMORROW["recording"] = {"recorded_at": "2099-01-01T00:00:00Z"}
 MALICIOUS: dict[str, tuple[Callable[[zipfile.ZipFile], None], str]] = {
     "absolute": (lambda bundle: bundle.writestr("/etc/cron.d/x", b"x"), "leads out"),
     "parent": (lambda bundle: bundle.writestr("audio/../../x", b"x"), "leads out"),
@@ -76,6 +78,7 @@ MALICIOUS: dict[str, tuple[Callable[[zipfile.ZipFile], None], str]] = {
     "other schema": (lambda bundle: bundle.writestr(MANIFEST, b'{"schema": "x"}'), "schema"),
     "many cases": (lambda bundle: bundle.writestr(MANIFEST, manifest(*[{}] * 200)), "at most 100"),
     "case without audio": (lambda bundle: bundle.writestr(MANIFEST, manifest({"label": "notch"})), "lacks audio"),
+    "future": (lambda bundle: bundle.writestr(MANIFEST, manifest(FROM_TOMORROW)), "recorded_at.*future"),
 }
 
 

@@ -46,7 +46,7 @@ def answer(server: LiveServer) -> dict[str, Any]:
 def page(server: LiveServer, path: str) -> Markup:
     with server.client(None) as client:
         client.headers["Accept"] = "text/html"
-        client.cookies.set("gearcase_key", server.keys["viewer"])
+        client.cookies.update(server.session("viewer"))
         return Markup(client.get(path).raise_for_status().text)
 
 

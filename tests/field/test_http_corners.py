@@ -44,7 +44,7 @@ def test_head_is_get_without_the_body(live_server: LiveServer, role: str | None,
     with live_server.client(role) as client:
         client.headers["Accept"] = accept
         if role is not None:
-            client.cookies.set("gearcase_key", live_server.keys[role])
+            client.cookies.update(live_server.session(role))
         for path in paths():
             before = seen(client, "GET", path)
             head = seen(client, "HEAD", path)  # what is being computed may get ready meanwhile

@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from benchmarks.harness.live import LiveServer, sign_in, started
-from benchmarks.harness.site import COOKIE, KNOWN, Site, fill
+from benchmarks.harness.site import KNOWN, Site, fill
 from tests.web.reading import Markup
 
 PREFIX = "/gearcase"
@@ -28,7 +28,7 @@ def through_proxy(server: LiveServer, role: str) -> httpx.Client:
     """What a browser behind a proxy sends; the proxy takes the path away."""
     client = server.client(None, follow_redirects=False)
     client.headers["Accept"] = "text/html"
-    client.cookies.set(COOKIE, server.keys[role])
+    client.cookies.update(server.session(role))
     return client
 
 

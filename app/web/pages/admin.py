@@ -20,6 +20,7 @@ from app.http import keys
 from app.http.errors import Forbidden, NotAuthenticated, NotFound, Unprocessable
 from app.http.keys import Role
 from app.http.security import COOKIE, FORM_COOKIE, Principal, check_csrf, client_of, csrf_token, principal_of
+from app.http.sessions import LASTS, end_session, open_session
 from app.report.words import VERDICTS
 from app.service import Reading, Service, TheJobs, TheService, service_of
 from app.web.forms import number
@@ -258,9 +259,6 @@ def _number(label: str, text: str) -> float | None:
     return number(label, text) if text.strip() else None
 
 
-KEPT_S = 14 * 24 * 3600
-
-
 def _local(path: str) -> str:
     """A path on this site, whatever was asked for."""
     return path if path.startswith("/") and not path.startswith(("//", "/\\")) else "/"
@@ -279,7 +277,7 @@ def sign_in(
     next: Annotated[str, Form()] = "/",
     csrf: Annotated[str, Form()] = "",
 ) -> Response:
-    """Put the key into a cookie that no script can read.
+    """Begin a session, whose token stands in a cookie that no script can read.
 
     The form's token keeps another site from signing somebody in with a key of its own, to see what is then sent.
     """
@@ -287,25 +285,14 @@ def sign_in(
         raise Forbidden("The sign-in form comes with a cookie, which is missing. Open /sign-in and send its form.")
     check_csrf(request, csrf, FORM_COOKIE)
     service = service_of(request)
-    root = root_of(service)
     try:
         principal = principal_of(service, key.strip(), client_of(request))
     except NotAuthenticated as error:
         notice = Message(str(error.detail), "bad")
         return _form(request, next, None, (notice,), status=401)
     with service.library.transaction(principal.actor) as session:
-        audit.record(session, "session.opened", ("key", principal.key_id))
-    answer = lead(service, _local(next))
-    answer.set_cookie(
-        COOKIE,
-        key.strip(),
-        max_age=KEPT_S,
-        path=f"{root}/",
-        httponly=True,
-        samesite="strict",
-        secure=service.settings.cookie_secure,
-    )
-    return answer
+        token = open_session(session, principal.key_id, request.cookies.get(COOKIE, ""))
+    return _with_cookie(request, lead(service, _local(next)), COOKIE, token, int(LASTS.total_seconds()))
 
 
 def _form(
@@ -315,21 +302,23 @@ def _form(
     token = request.cookies.get(FORM_COOKIE) or secrets.token_urlsafe(32)
     context = {"next": _local(next), "csrf": csrf_token(token)}
     answer = render(request, "sign_in.html", context, principal=principal, messages=messages, status=status)
-    settings = service_of(request).settings
-    answer.set_cookie(
-        FORM_COOKIE,
-        token,
-        path=f"{root_of(service_of(request))}/",
-        httponly=True,
-        samesite="strict",
-        secure=settings.cookie_secure,
-    )
+    return _with_cookie(request, answer, FORM_COOKIE, token)
+
+
+def _with_cookie(request: Request, answer: Response, name: str, value: str, max_age: int | None = None) -> Response:
+    service = service_of(request)
+    secure = service.settings.cookie_secure or request.url.scheme == "https"
+    path = f"{root_of(service)}/"
+    answer.set_cookie(name, value, max_age, path=path, httponly=True, samesite="strict", secure=secure)
     return answer
 
 
 @router.post("/sign-out", dependencies=[FromOurPage])
-def sign_out(request: Request, _principal: PageViewer) -> Response:
-    """Forget the key."""
-    answer = lead(service_of(request), "/")
-    answer.delete_cookie(COOKIE, path=f"{root_of(service_of(request))}/")
+def sign_out(request: Request, principal: PageViewer) -> Response:
+    """End the session."""
+    service = service_of(request)
+    with service.library.transaction(principal.actor) as session:
+        end_session(session, request.cookies[COOKIE], principal.key_id)
+    answer = lead(service, "/")
+    answer.delete_cookie(COOKIE, path=f"{root_of(service)}/")
     return answer

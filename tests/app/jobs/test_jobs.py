@@ -16,15 +16,18 @@ from threading import Event, Thread
 import psycopg
 import pytest
 from sqlalchemy import make_url
+from structlog.testing import capture_logs
 
 from app.jobs import runner
 from app.jobs.job import Job, JobError, JobKind, JobNotFoundError, JobState, JobStateError, Json
 from app.jobs.jobs import Jobs
 from app.jobs.runner import Worker
-from casebase.errors import InvalidCursorError, LeaseLostError, StaleVersionError
+from casebase.errors import InvalidCursorError, LeaseLostError, NotFoundError, StaleVersionError
 from casebase.library import CaseLibrary
 from casebase.store import leases
 from casebase.store.backup import backup, restore
+from signals.errors import ChannelError
+from sim.errors import AxisError
 
 PATIENCE_S = 90.0
 LEASE_S = 2.0
@@ -256,6 +259,20 @@ def test_threads_of_a_worker_do_a_step_once(place: Place) -> None:
     for thread in threads:
         thread.join()
     assert sorted(map(str, done)) == sorted(map(str, range(20)))
+
+
+@ON_SQLITE
+@pytest.mark.parametrize("error", [JobError, ChannelError, AxisError, NotFoundError, KeyError])
+def test_only_a_fault_of_the_program_leaves_a_trace(place: Place, error: type[Exception]) -> None:
+    def refuse(_: dict[str, Json]) -> list[dict[str, Json]]:
+        raise error("there is no channel 5")
+
+    place.jobs.submit("count", {})
+    worker = Worker.begin(place.library, [JobKind("count", "", refuse, lambda *_: None, lambda *_: None)], "w", Event())
+    with capture_logs() as entries:
+        worker.do_one(("plan",))
+    assert [bool(entry["exc_info"]) for entry in entries] == [error is KeyError]
+    assert "no channel 5" in entries[0]["error"]
 
 
 def test_what_cannot_be(place: Place) -> None:

@@ -104,7 +104,7 @@ def test_a_killed_worker_neither_loses_nor_doubles_a_case(live_server: LiveServe
     assert {label: sum(case["label"] == label for case in listed) for label in COUNTS} == COUNTS
     assert len({case["id"] for case in listed}) == len(listed) == sum(COUNTS.values())
     assert {case["origin"] for case in listed} == {"simulated"}
-    cookies = {"gearcase_key": live_server.keys["admin"]}
+    cookies = live_server.session("admin")
     page = httpx.get(live_server.url + job.removeprefix("/api/v1"), cookies=cookies, headers={"Accept": "text/html"})
     assert (page.status_code, page.headers["content-type"]) == (200, "text/html; charset=utf-8")
 
