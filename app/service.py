@@ -49,7 +49,7 @@ class Service:
         tempfile.tempdir = str(settings.data_dir)
         return cls(
             settings,
-            CaseLibrary.open(settings.data_dir, settings.database_url, settings.longest_wait_s),
+            CaseLibrary.open(settings.data_dir, settings.database_url, longest_wait_s=settings.longest_wait_s),
             metrics,
         )
 
