@@ -1,6 +1,5 @@
 """What the application holds while it runs, and how a route gets at it."""
 
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -45,8 +44,7 @@ class Service:
 
     @classmethod
     def open(cls, settings: Settings, metrics: Metrics) -> "Service":
-        """Open the library, made or upgraded where needed; what is temporary is on the disk of the data folder."""
-        tempfile.tempdir = str(settings.data_dir)
+        """Open the library, made or upgraded where needed."""
         return cls(
             settings,
             CaseLibrary.open(settings.data_dir, settings.database_url, longest_wait_s=settings.longest_wait_s),

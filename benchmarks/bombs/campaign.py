@@ -80,6 +80,8 @@ class Campaign:
             answer = (browser if sent.form else client).request(sent.method, sent.path, **given)
             self.tally.answers[kind, answer.status_code] += 1
             taken = taken or answer.status_code < 400
+            if answer.status_code == 503 and not alone:
+                continue
             if answer.status_code >= 500:
                 self.tally.faults.append(f"{kind}: {answer.status_code} for {str(sent.given)[:300]}")
             elif answer.status_code >= 400 and not REFUSED_AND_SAID.search(answer.text):
