@@ -3,8 +3,8 @@
 import asyncio
 import signal
 import socket
-import tempfile
 import sys
+import tempfile
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
