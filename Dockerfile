@@ -19,7 +19,9 @@ RUN /opt/gearcase/bin/python -m app.web.assets \
     && cd /opt/gearcase/lib/python3.11/site-packages \
     && find . -type d \( -name tests -o -name include \) -prune -exec rm -r {} + \
     && find . -name '*.py[ixd]*' ! -name '*.pyc' -delete \
-    && rm -r pyarrow/*flight* pyarrow/*substrait* zstandard/_cffi* mujoco/doc mujoco/introspect mujoco/plugin
+    && rm -r fontTools pyarrow/*flight* zstandard/_cffi* mujoco/doc mujoco/introspect mujoco/plugin \
+    && /opt/gearcase/bin/python -c "import av, matplotlib.backends.backend_agg, mcap_ros2.decoder, mujoco, nptdms, \
+       pyarrow.csv, pyarrow.parquet, scipy.io, sklearn.linear_model, soundfile, soxr"
 
 FROM ${BASE}
 COPY --from=build /opt/gearcase /opt/gearcase
