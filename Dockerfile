@@ -30,8 +30,7 @@ RUN useradd --system --uid 10001 --home-dir /data --shell /usr/sbin/nologin gear
 ENV PATH=/opt/gearcase/bin:$PATH \
     GEARCASE_DATA_DIR=/data \
     NUMBA_CACHE_DIR=/data/.compiled \
-    PYTHONDONTWRITEBYTECODE=1 \
-    MALLOC_ARENA_MAX=2
+    PYTHONDONTWRITEBYTECODE=1
 USER gearcase
 VOLUME /data
 EXPOSE 8000
