@@ -19,7 +19,8 @@ RUN /opt/gearcase/bin/python -m app.web.assets \
     && cd /opt/gearcase/lib/python3.11/site-packages \
     && find . -type d \( -name tests -o -name include \) -prune -exec rm -r {} + \
     && find . -name '*.py[ixd]*' ! -name '*.pyc' -delete \
-    && rm -r fontTools pyarrow/*flight* zstandard/_cffi* mujoco/doc mujoco/introspect mujoco/plugin \
+    && find fontTools -name '*.so' -delete \
+    && rm -r PIL/_avif* pillow.libs/libavif* pyarrow/*flight* zstandard/_cffi* mujoco/doc mujoco/introspect mujoco/plugin \
     && /opt/gearcase/bin/python -c "import av, matplotlib.backends.backend_agg, mcap_ros2.decoder, mujoco, nptdms, \
        pyarrow.csv, pyarrow.parquet, scipy.io, sklearn.linear_model, soundfile, soxr"
 
