@@ -11,7 +11,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # the tests start the program some hundred times: it is compiled once, also where the environment says otherwise
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup run test test-fast suite check bench challenge chaos field trends robots bombs screenshots lock clean
+.PHONY: setup run test test-fast suite check bench challenge chaos field trends robots bombs image screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
@@ -96,6 +96,10 @@ chaos: setup
 	$(BIN)/python -m benchmarks.chaos machines
 
 # wrong inputs of every kind, then ten minutes of mixed load: half an hour on two cores
+# needs root, podman and runc; IMAGE_OPTIONS: `--base IMAGE` where the base cannot be had, and options of `podman build`
+image: setup
+	$(BIN)/python -m benchmarks.image $(IMAGE_OPTIONS)
+
 bombs: setup
 	$(BIN)/python -m benchmarks.bombs --inputs 6000
 	$(BIN)/python -m benchmarks.bombs --minutes 10

@@ -104,7 +104,7 @@ def shown(url: str, volume: str) -> Iterator[tuple[str, object, bool]]:
     """Yield what was asked, the answer, and whether that is right."""
     size = int(podman("image", "inspect", "--format={{.Size}}", IMAGE))
     yield "size of the image [MB]", size // 1_000_000, size < MOST_BYTES
-    with running("gearcase-service", url, volume) as service:
+    with running("gearcase-service", url, volume, "serve", "--no-worker") as service:
         took_s = until(lambda: httpx.get("http://127.0.0.1:8000/readyz").is_success)
         yield "ready after a first start [s]", round(took_s, 1), took_s < PATIENCE_S
         key = json.loads(
@@ -115,7 +115,7 @@ def shown(url: str, volume: str) -> Iterator[tuple[str, object, bool]]:
         yield "first and second diagnosis [s]", f"{first:.1f}, {later:.1f}", first < 2.0
         answer = client.post(f"{API}/investigations", files=parts(telemetry=("log.csv", log(60.0))))
         yield "an investigation of a robot is accepted", answer.status_code, answer.status_code == 202
-        job = client.get(f"http://127.0.0.1:8000{answer.headers['location']}").json()["job_id"]
+        job = answer.json()["id"]
         with running("gearcase-worker-1", url, volume, "worker") as one:
             until(lambda: client.get(f"{API}/jobs/{job}").json()["state"] == "running")
             time.sleep(2.0)
