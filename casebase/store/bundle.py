@@ -127,6 +127,7 @@ def import_cases(
     source: Path,
     actor: str,
     *,
+    name: str = "",
     limits: BundleLimits | None = None,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Imported:
@@ -136,6 +137,7 @@ def import_cases(
 
     Args:
         source: path of the ZIP.
+        name: of the bundle, which stands in the cases; by default that of the file.
         progress: called with the number of cases done and in all.
 
     Raises:
@@ -168,7 +170,9 @@ def import_cases(
             try:
                 description = entry.recording.description()
                 extraction = features(description.condition, *asked)
-                case, fresh = _take(library, entry, *sound(*asked), extraction, actor, f"import {source.name}"[:100])
+                case, fresh = _take(
+                    library, entry, *sound(*asked), extraction, actor, f"import {name or source.name}"[:100]
+                )
             except BundleError:
                 raise
             except (SignalError, DuplicateError, InvalidRequestError) as error:
@@ -179,6 +183,11 @@ def import_cases(
                 new += [case.id] if fresh else []
     progress(len(entries), len(entries))
     return Imported(tuple(new), known, refused)
+
+
+def check_bundle(source: Path) -> None:
+    """Raise BundleError if a bundle does not say what is in it, or more than may be; its sounds are not read."""
+    _manifest(source, BundleLimits())
 
 
 def _manifest(source: Path, limits: BundleLimits) -> list[BundledCase]:

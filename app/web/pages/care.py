@@ -16,6 +16,7 @@ from app.background_cache import Pending
 from app.http.errors import Unprocessable
 from app.http.security import check_csrf
 from app.http.uploads import TheUpload
+from app.recordings.bundle_import import order as order_import
 from app.report.words import name_of
 from app.service import Reading, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
@@ -25,7 +26,7 @@ from casebase import review as care
 from casebase.axes import get_axis, list_axes
 from casebase.errors import NotFoundError
 from casebase.search.case_filter import CaseFilter
-from casebase.store.bundle import export_cases, import_cases
+from casebase.store.bundle import check_bundle, export_cases
 from casebase.store.models import Artifact
 from sim.description.axis_document import read_axis
 from sim.experiment.design_of_experiments import LABELS, labels, labels_of
@@ -156,7 +157,7 @@ def evaluation(
 @router.get("/exchange")
 def exchange(request: Request, principal: PageAdmin) -> Response:
     """Forms of import and export."""
-    return render(request, "exchange.html", {"imported": None}, principal=principal, section=SECTION)
+    return render(request, "exchange.html", {}, principal=principal, section=SECTION)
 
 
 @router.get("/export.zip")
@@ -170,7 +171,11 @@ def export(session: Reading, service: TheService, _: PageAdmin, label: str = "",
 
 @router.post("/import")
 def take(request: Request, principal: PageAdmin, upload: TheUpload, service: TheService) -> Response:
-    """Take a bundle in."""
+    """Order the import of a bundle."""
     check_csrf(request, upload.fields.get("csrf", ""))
-    imported = import_cases(service.library, upload.file("file").path, principal.actor)
-    return render(request, "exchange.html", {"imported": imported}, principal=principal, section=SECTION)
+    file, library = upload.file("file"), service.library
+    check_bundle(file.path)
+    bundle = library.audio.content(file.path)
+    with library.transaction(principal.actor) as session:
+        job = order_import(library, session, service.jobs, bundle, file.name, principal.actor)
+    return lead(service, f"/jobs/{job.id}")
