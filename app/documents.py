@@ -168,13 +168,12 @@ class RecordingAnswer(Answer, of=StoredRecording, without=("fingerprint", "sound
 
 
 class ErasedAnswer(Answer):
-    """What was erased: the file with all recordings that have it, and what is left of the same sound."""
+    """What was erased: the sound in every file that it came in."""
 
     id: str
     erased_at: Instant
     erased_by: str
-    recordings: list[str] = Field(description="ids of all recordings of this file: their audio is erased too")
-    same_sound: list[str] = Field(description="ids of recordings of the same sound in other files: audio still there")
+    recordings: list[str] = Field(description="ids of all recordings of this sound or of its files: all are erased")
 
 
 class CaseAnswer(Answer, of=Case, without=("key", "recording_id", "library_version")):

@@ -7,7 +7,6 @@ another process finds them, and so that an investigation can be done again.
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -27,6 +26,7 @@ from casebase.description import check_name
 from casebase.errors import ConflictError, NotFoundError
 from casebase.library import CaseLibrary
 from casebase.store import audit, revisions
+from casebase.store.audio_store import Content
 from casebase.store.models import AxisRevision, RobotRevision, StoredInvestigation, new_id, now
 from signals.columns.joint_maps import LoggedJoint, read_joint_maps
 from signals.errors import SignalError
@@ -70,6 +70,7 @@ class Question:
     robot: str | None
     description: Mapping[str, object]
     inputs: Mapping[str, object]
+    contents: Sequence[Content]
 
 
 def take_in(
@@ -82,7 +83,7 @@ def take_in(
     channels: str = "",
     diagnosis_id: str | None = None,
 ) -> Question:
-    """Check and keep what was measured; it takes a while, so no transaction may be open.
+    """Check and read what was measured; it takes a while, so no transaction may be open.
 
     The k-th sound belongs to the k-th telemetry; with sound alone, `as_new` is what it is compared with.
     `channels`: text of the channel map by which every telemetry is read. `diagnosis_id`: whose recording the sound is.
@@ -99,17 +100,18 @@ def take_in(
         _readable(measured, check, several=len(telemetries) > 1)
     for measured in (*sounds, *as_new):
         _readable(measured, partial(read_sound, channel=measured.channel), several=len(sounds) + len(as_new) > 1)
+    contents: list[Content] = []
     inputs: dict[str, object] = {"sound_offset_s": sound_offset_s} | ({"channels": channels} if channels else {})
     inputs |= {} if diagnosis_id is None else {"diagnosis_id": diagnosis_id}
     if telemetries:
-        kept = [_kept(library, measured) for measured in telemetries]
-        _refuse_twice(kept)
-        inputs["telemetry"] = kept if len(kept) > 1 else kept[0]
-    for part, files in (("sound", sounds), ("as_new", as_new)):
-        if files:
-            inputs[part] = [_kept(library, file) for file in files]
+        files = [_read(library, measured, contents) for measured in telemetries]
+        _refuse_twice(files)
+        inputs["telemetry"] = files if len(files) > 1 else files[0]
+    for part, heard in (("sound", sounds), ("as_new", as_new)):
+        if heard:
+            inputs[part] = [_read(library, measured, contents) for measured in heard]
     check_as_new(*([str(one["sha256"]) for one in files_of(inputs, part)] for part in ("sound", "as_new")))
-    return Question(axis.name, None, axis.to_mapping(), inputs)
+    return Question(axis.name, None, axis.to_mapping(), inputs, contents)
 
 
 def take_in_robot(
@@ -119,7 +121,7 @@ def take_in_robot(
     telemetries: Sequence[Measured],
     channels: str = "",
 ) -> Question:
-    """Check and keep what was measured of a robot's joints; as `take_in` for an axis. `urdf`: what that was called.
+    """Check and read what was measured of a robot's joints; as `take_in` for an axis. `urdf`: what that was called.
 
     Raises:
         AxisError: if there is no telemetry, or the same twice.
@@ -131,15 +133,13 @@ def take_in_robot(
     check = partial(_checked_joints, joints=robot.joints, channels=channels or None)
     for measured in telemetries:
         _readable(measured, check, several=len(telemetries) > 1)
-    kept = [_kept(library, measured) for measured in telemetries]
-    _refuse_twice(kept)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "robot.urdf"
-        path.write_text(robot.urdf, encoding="utf-8")
-        links = _kept(library, Measured(path, urdf))
-    inputs: dict[str, object] = {"urdf": links, "telemetry": kept if len(kept) > 1 else kept[0]}
+    contents = [library.audio.content(robot.urdf.encode())]
+    links = {"name": urdf[-255:], "sha256": contents[0].sha256, "suffix": Path(urdf).suffix.lower()}
+    files = [_read(library, measured, contents) for measured in telemetries]
+    _refuse_twice(files)
+    inputs: dict[str, object] = {"urdf": links, "telemetry": files if len(files) > 1 else files[0]}
     inputs |= {"channels": channels} if channels else {}
-    return Question(None, robot.name, robot.document, inputs)
+    return Question(None, robot.name, robot.document, inputs, contents)
 
 
 def _checked_joints(path: Path, joints: Sequence[LoggedJoint], channels: str | None) -> None:
@@ -151,8 +151,8 @@ def _checked_joints(path: Path, joints: Sequence[LoggedJoint], channels: str | N
             raise type(error)(f"{joint.name}: {error}") from error
 
 
-def submit(session: Session, jobs: Jobs, question: Question) -> Job:
-    """Store what is asked, and order its job in the same transaction; both have the same id."""
+def submit(library: CaseLibrary, session: Session, jobs: Jobs, question: Question) -> Job:
+    """Store what is asked with its files, and order its job in the same transaction; both have the same id."""
     row = StoredInvestigation(
         id=new_id(),
         axis=question.axis,
@@ -164,6 +164,8 @@ def submit(session: Session, jobs: Jobs, question: Question) -> Job:
     row.job_id = row.id
     session.add(row)
     session.flush()
+    for content in question.contents:
+        library.audio.keep(session, content)
     asked = {("robot" if row.robot else "axis"): row.subject, **question.inputs}
     audit.record(session, "investigation.asked", ("investigation", row.id), after=asked)
     return jobs.order(session, KIND, {"investigation_id": row.id}, job_id=row.id, submitted_by=row.created_by)
@@ -178,9 +180,9 @@ def _readable(measured: Measured, read: Callable[[Path], object], *, several: bo
         raise type(error)(f"{measured.name}: {error}") from error
 
 
-def _refuse_twice(kept: Sequence[Mapping[str, object]]) -> None:
+def _refuse_twice(files: Sequence[Mapping[str, object]]) -> None:
     names: dict[object, object] = {}
-    for one in kept:
+    for one in files:
         if one["sha256"] in names:
             raise AxisError(
                 f"telemetry {one['name']} is the same file as {names[one['sha256']]}: send every recording once, "
@@ -189,11 +191,11 @@ def _refuse_twice(kept: Sequence[Mapping[str, object]]) -> None:
         names[one["sha256"]] = one["name"]
 
 
-def _kept(library: CaseLibrary, measured: Measured) -> dict[str, object]:
+def _read(library: CaseLibrary, measured: Measured, contents: list[Content]) -> dict[str, object]:
+    contents.append(library.audio.content(measured.path))
     suffix = Path(measured.name).suffix.lower()
-    kept: dict[str, object] = {"name": measured.name[-255:], "sha256": library.audio.put(measured.path).sha256}
-    kept |= {"suffix": suffix} if measured.channel is None else {"suffix": suffix, "channel": measured.channel}
-    return kept
+    file: dict[str, object] = {"name": measured.name[-255:], "sha256": contents[-1].sha256, "suffix": suffix}
+    return file if measured.channel is None else {**file, "channel": measured.channel}
 
 
 def get_investigation(session: Session, investigation_id: str) -> StoredInvestigation:

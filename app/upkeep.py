@@ -103,12 +103,16 @@ def diagnose_once(library: CaseLibrary) -> None:
 
 
 def leftovers(library: CaseLibrary, incoming: Path, *, remove: bool) -> int:
-    """Return how much was left: uploads in `incoming`, half written files, audio that was erased.
+    """Return how much was left: uploads in `incoming`, half written files, audio that was erased or never got a row.
 
     What another process has in hand is not among it.
     """
     under_way = (*incoming.glob("*"), *library.audio.unfinished())
-    return count_abandoned(under_way, remove=remove) + discard_left(library, remove=remove)
+    named = library.audio.marks()
+    count = count_abandoned(under_way, remove=remove) + count_abandoned(named.values(), remove=False)
+    if remove:
+        library.sweep(named)
+    return count + discard_left(library, remove=remove)
 
 
 RETENTION = "retention"

@@ -1,11 +1,13 @@
 """CaseLibrary: retrieve, reuse, revise, retain; the rows are the truth, the audio lies beside them."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from sqlalchemy import Engine
+from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
 
@@ -13,11 +15,13 @@ from casebase.cycle.retain import Retain
 from casebase.cycle.retrieve import Retrieve
 from casebase.cycle.reuse import Reuse
 from casebase.cycle.revise import Revise
-from casebase.errors import StaleVersionError
-from casebase.recordings import DISCARDED
+from casebase.errors import LibraryError, SchemaError, StaleVersionError
+from casebase.recordings import DISCARDED, unspoken
 from casebase.store import audit, leases
-from casebase.store.audio_store import AudioStore
+from casebase.store.audio_store import NAMED, AudioStore
+from casebase.store.counter import lock
 from casebase.store.database import WRITING, create_engine_for, sqlite_url, upgrade_database
+from casebase.store.models import StoredRecording
 
 
 class CaseLibrary:
@@ -39,16 +43,30 @@ class CaseLibrary:
         self.retain = Retain(self.audio)
 
     @classmethod
-    def open(cls, data_dir: Path, url: str | None = None) -> "CaseLibrary":
-        """Open, and create or upgrade where needed; SQLite in the data folder unless a URL is given.
+    def open(cls, data_dir: Path, url: str | None = None, *, look: bool = False) -> "CaseLibrary":
+        """Open, and create where needed; SQLite in the data folder unless a URL is given.
 
         Folder and files belong to their owner alone, as does whatever this process writes from then on.
+
+        Args:
+            look: create and change nothing.
+
+        Raises:
+            SchemaError: if it is the library of another version, or there is none to look at.
         """
         os.umask(0o077)
-        data_dir.mkdir(parents=True, exist_ok=True)
-        make_private(data_dir)
-        engine = create_engine_for(url or sqlite_url(data_dir / "gearcase.db"))
-        upgrade_database(engine)
+        database = data_dir / "gearcase.db"
+        if not look:
+            data_dir.mkdir(parents=True, exist_ok=True)
+            make_private(data_dir)
+        elif url is None and not database.exists():
+            raise SchemaError(f"there is no library in {data_dir} yet: `gearcase serve` makes one")
+        engine = create_engine_for(url or sqlite_url(database), look=look)
+        try:
+            upgrade_database(engine, look=look)
+        except SchemaError:
+            engine.dispose()  # or a log would be left beside the database
+            raise
         return cls(engine, data_dir)
 
     @contextmanager
@@ -58,20 +76,41 @@ class CaseLibrary:
         Raises:
             LeaseLostError: if it is a worker's library and the worker's lease has ended; nothing is written then.
         """
-        with Session(self.engine, expire_on_commit=False) as session:
-            session.info.update({audit.ACTOR: actor, audit.REQUEST: request_id})
-            session.connection(execution_options={WRITING: True})
-            try:
+        named: dict[str, BinaryIO] = {}
+        try:
+            with Session(self.engine, expire_on_commit=False) as session:
+                session.info.update({audit.ACTOR: actor, audit.REQUEST: request_id, NAMED: named})
+                session.connection(execution_options={WRITING: True})
                 yield session
                 if self.lease is not None:
                     session.flush()
                     leases.hold(session, self.lease)
                 session.commit()
+                self.audio.unmark(named)
                 audit.stored(session.info.get(audit.RECORDED, ()))
                 for sha256 in session.info.get(DISCARDED, ()):
                     self.audio.discard(sha256)
-            except StaleDataError as error:
+        except BaseException as error:
+            with suppress(LibraryError, SQLAlchemyError, OSError):  # the next start of the service tries again
+                self.sweep(named)
+            if isinstance(error, StaleDataError):
                 raise StaleVersionError("somebody changed it at the same time; read it again") from error
+            raise
+        finally:
+            for mark in named.values():
+                mark.close()
+
+    def sweep(self, hashes: Collection[str]) -> int:
+        """Delete those of some files that no row speaks of; return how many there were."""
+        if not hashes:
+            return 0
+        with self.transaction("sweep") as session:
+            lock(session)
+            left = unspoken(session, hashes, StoredRecording.file_sha256.in_(hashes))
+            for sha256 in left:
+                self.audio.discard(sha256)
+            self.audio.unmark(hashes)
+        return len(left)
 
     @contextmanager
     def reading(self) -> Iterator[Session]:

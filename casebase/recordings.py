@@ -1,23 +1,23 @@
 """Recordings and their features as rows; a missing feature is a bit beside its vector, for databases take no NaN."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import Select, select
+from sqlalchemy import ColumnElement, Select, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from casebase.description import RecordingDescription
 from casebase.sounds import find_sound, keep_sound
 from casebase.store import audit
-from casebase.store.audio_store import AudioStore, StoredBytes
+from casebase.store.audio_store import AudioStore, Content
 from casebase.store.database import strict_json
-from casebase.store.models import Extractor, FeatureRow, StoredRecording, new_id
+from casebase.store.models import Extractor, FeatureRow, StoredInvestigation, StoredRecording, new_id
 from signals.features import Extraction, FeatureVector
 from signals.fingerprint import fingerprints
 from signals.recording import Recording
@@ -29,34 +29,35 @@ DISCARDED = "discarded_files"
 def store_recording(
     session: Session,
     audio: AudioStore,
-    source: Path | bytes | StoredBytes,
+    source: Path | bytes | Content,
     recording: Recording,
     extraction: Extraction,
     description: RecordingDescription,
 ) -> StoredRecording:
     """Keep a recording; see `Retain.recording`."""
-    stored = source if isinstance(source, StoredBytes) else audio.put(source)
+    content = source if isinstance(source, Content) else audio.content(source)
     document = description.to_document()
-    fingerprint = _fingerprint(stored.sha256, recording.channel, document)
+    fingerprint = _fingerprint(content.sha256, recording.channel, document)
     existing = session.scalar(select(StoredRecording).where(StoredRecording.fingerprint == fingerprint))
     if existing is not None:
         store_features(session, existing, extraction)
-        _do_not_keep(session, existing)
+        if existing.erased_at is None:
+            audio.keep(session, content)
         return existing
     condition = description.condition
     prints = fingerprints(recording)
     identity = new_id()
     sound_id = find_sound(session, audio, recording, prints) or identity
-    erased = session.scalars(erased_bytes(stored.sha256).limit(1)).first()
+    erased = session.scalars(erased_bytes(content.sha256).limit(1)).first()
     row = StoredRecording(
         id=identity,
         sound_id=sound_id,
         fingerprint=fingerprint,
         samples_sha256=recording.sha256,
-        file_sha256=stored.sha256,
+        file_sha256=content.sha256,
         file_name=description.file_name[-255:],
         media_type=description.media_type[:100],
-        byte_count=stored.byte_count,
+        byte_count=content.byte_count,
         sample_rate_hz=recording.sample_rate_hz,
         channel=recording.channel,
         channels=recording.channels,
@@ -82,8 +83,9 @@ def store_recording(
     except IntegrityError:
         # somebody stored the same at the same time
         return session.scalars(select(StoredRecording).where(StoredRecording.fingerprint == fingerprint)).one()
-    audit.record(session, "recording.stored", ("recording", row.id), after={"file_sha256": stored.sha256})
-    _do_not_keep(session, row)
+    audit.record(session, "recording.stored", ("recording", row.id), after={"file_sha256": content.sha256})
+    if erased is None:
+        audio.keep(session, content)
     return row
 
 
@@ -94,10 +96,18 @@ def erased_bytes(file_sha256: str) -> Select[StoredRecording]:
     )
 
 
-def _do_not_keep(session: Session, row: StoredRecording) -> None:
-    """Bytes that were erased and came again go again, once the rest is stored."""
-    if row.erased_at is not None:
-        session.info.setdefault(DISCARDED, set()).add(row.file_sha256)
+def unspoken(session: Session, hashes: Collection[str], *recordings: ColumnElement[bool]) -> list[str]:
+    """Return those of some files that no row speaks of.
+
+    Args:
+        recordings: which ones are looked at; all by default.
+    """
+    spoken = set(session.scalars(select(StoredRecording.file_sha256).where(*recordings)))
+    for inputs in session.scalars(select(StoredInvestigation.inputs)):
+        for part in inputs.values():
+            files = part if isinstance(part, list) else [part]
+            spoken |= {str(file["sha256"]) for file in files if isinstance(file, dict)}
+    return [sha256 for sha256 in hashes if sha256 not in spoken]
 
 
 def store_features(session: Session, row: StoredRecording, extraction: Extraction) -> FeatureRow:

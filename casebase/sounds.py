@@ -13,7 +13,8 @@ from sqlalchemy import insert, select
 from sqlalchemy.orm import Session, undefer
 
 from casebase.store.audio_store import AudioStore
-from casebase.store.models import Case, LibraryCounter, SoundKey, StoredRecording
+from casebase.store.counter import lock
+from casebase.store.models import Case, SoundKey, StoredRecording
 from signals.errors import SignalError
 from signals.fingerprint import LARGEST_DIFFERENCE, Fingerprint, Words, difference, same_samples
 from signals.reading.decode import read_recording
@@ -33,7 +34,7 @@ def find_sound(session: Session, audio: AudioStore, recording: Recording, prints
     Args:
         prints: what `fingerprints` says of it.
     """
-    session.scalars(select(LibraryCounter.value).with_for_update()).one()
+    lock(session)
     equal = select(StoredRecording.sound_id).where(StoredRecording.samples_sha256 == recording.sha256)
     found = session.scalars(equal.order_by(StoredRecording.id).limit(1)).first()
     if found is not None:

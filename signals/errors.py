@@ -35,3 +35,7 @@ class ConditionError(SignalError):
 
 class TextError(SignalError):
     """Bytes that should be text and are none (HTTP 422)."""
+
+
+class NoPlainFileError(OSError):
+    """What was named is a pipe, a device, a socket or a folder, where a file is to be."""

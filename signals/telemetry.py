@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from signals.errors import TelemetryError
 from signals.reading.limited_pool import PAPERS, refusals_as
+from signals.reading.plain_file import open_plain
 
 CHANNELS: Mapping[str, str] = MappingProxyType(
     {
@@ -180,7 +181,7 @@ def recognise_columns(path: Path, limits: TelemetryLimits = LIMITS) -> Recogniti
         TelemetryError: if it is no table.
         DecoderUnavailableError: if the limited process cannot be started.
     """
-    path.open("rb").close()
+    open_plain(path).close()
     _, found = PAPERS.perform(COLUMNS_TASK, {"path": str(path.absolute())}, asdict(limits), LONGEST_MAP)
     return Recognition(**found)
 
@@ -200,7 +201,7 @@ def recognise_joint_columns(
         TelemetryError: if it is no table.
         DecoderUnavailableError: if the limited process cannot be started.
     """
-    path.open("rb").close()
+    open_plain(path).close()
     request = {"path": str(path.absolute()), "joints": [list(joint) for joint in joints], "given": given}
     _, found = PAPERS.perform(JOINTS_TASK, request, asdict(limits), LONGEST_MAP)
     return Recognition(**found)
@@ -210,7 +211,7 @@ def recognise_joint_columns(
 def _read(
     path: Path, channels: str | None, limits: TelemetryLimits, *, send: bool
 ) -> tuple[bytearray, Mapping[str, Any]]:
-    path.open("rb").close()
+    open_plain(path).close()
     largest = MOST_COLUMNS * (12 * LONGEST_NAME + 4) + (9 * limits.cells if send else 0)
     request = {"path": str(path.absolute()), "send": send, "channels": channels}
     return PAPERS.perform(TASK, request, asdict(limits), largest)

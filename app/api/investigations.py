@@ -167,7 +167,7 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
     question = take()
 
     def work(session: Session) -> Made:
-        job = submit(session, service.jobs, question)
+        job = submit(service.library, session, service.jobs, question)
         answer = InvestigationJob(**vars(job), investigation_id=job.id)
         return Made(answer, location(request, "get_job", job_id=job.id), status=status.HTTP_202_ACCEPTED)
 

@@ -306,10 +306,8 @@ def erase(
     lines = []
     for one in done:
         also = sorted(set(one.recordings) - {one.id})
-        lines += [f"{one.id}: erased", *(f"{other}: erased too, for it has the same file" for other in also)]
+        lines += [f"{one.id}: erased", *(f"{other}: erased too, for it has the same sound or file" for other in also)]
     frame.answer(json, [ErasedAnswer.model_validate(one).model_dump(mode="json") for one in done], *lines)
-    for other in () if json else (other for one in done for other in one.same_sound):
-        frame.say(f"{other} is of the same sound in another file; its audio is still here")
 
 
 @recordings.command()

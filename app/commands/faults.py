@@ -10,7 +10,7 @@ from app.recordings.microphone import MicrophoneError
 from app.recordings.remote import RemoteError, UnreachableError
 from casebase.errors import DamagedError, LibraryError
 from casebase.store.integrity import RESTORE, is_damaged
-from signals.errors import DecoderUnavailableError, SignalError
+from signals.errors import DecoderUnavailableError, NoPlainFileError, SignalError
 from sim.errors import RunError, SimulationError
 
 CODES: dict[type[Exception], int] = {
@@ -29,6 +29,7 @@ CODES: dict[type[Exception], int] = {
     SimulationError: BAD_INPUT,
     FileNotFoundError: BAD_INPUT,
     FileExistsError: BAD_INPUT,
+    NoPlainFileError: BAD_INPUT,
     OSError: FAILURE,
     OperationalError: FAILURE,
 }

@@ -59,11 +59,11 @@ def settings() -> Settings:
 
 
 @contextmanager
-def library() -> Iterator[CaseLibrary]:
-    """The local library, made or upgraded where needed."""
+def library(*, look: bool = False) -> Iterator[CaseLibrary]:
+    """The local library, made where needed; nothing is made or changed where it is only looked at."""
     from casebase.library import CaseLibrary
 
-    opened = CaseLibrary.open(settings().data_dir, settings().database_url)
+    opened = CaseLibrary.open(settings().data_dir, settings().database_url, look=look)
     try:
         yield opened
     finally:

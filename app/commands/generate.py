@@ -21,6 +21,7 @@ from casebase.axes import add_axis
 from casebase.library import CaseLibrary
 from casebase.origins import DEMO
 from casebase.store.artifacts import active_artifact, add_artifact
+from signals.reading.plain_file import plain_bytes
 from signals.reading.text import text_of
 from sim.experiment.design_of_experiments import DURATION_S, LABELS, labels, plan
 from sim.experiment.paper_axis import PAPER_AXIS
@@ -71,7 +72,7 @@ def generate(
 
 def read_plan(path: Path) -> list[dict[str, Any]]:
     """The campaigns of a plan file. Raises ValidationError where it is none."""
-    return [each.model_dump() for each in PlanFile.model_validate_json(text_of(path.read_bytes())).campaigns]
+    return [each.model_dump() for each in PlanFile.model_validate_json(text_of(plain_bytes(path))).campaigns]
 
 
 class Entry(BaseModel):

@@ -14,16 +14,17 @@ from app.api.operation import FREE_BYTES
 from app.commands import DONE, FAILURE, frame
 from app.commands.frame import ACTOR, Json
 from app.http.keys import Role
-from app.investigations import PARTS, files_of
 from app.upkeep import leftovers
-from casebase.errors import BackupError, NotFoundError
+from casebase.errors import BackupError, NotFoundError, SchemaError
 from casebase.library import CaseLibrary
+from casebase.recordings import unspoken
 from casebase.store import backup as backups
 from casebase.store.audio_store import sha256_of
+from casebase.store.backup import AT_A_TIME
 from casebase.store.database import create_engine_for
 from casebase.store.erasing import erase
 from casebase.store.integrity import RESTORE, faults_of
-from casebase.store.models import ApiKey, FeatureRow, StoredInvestigation, StoredRecording
+from casebase.store.models import ApiKey, FeatureRow, StoredRecording
 from signals.errors import DecoderUnavailableError
 from signals.features import EXTRACTOR_VERSION
 from signals.reading.decode import warm_up
@@ -86,13 +87,22 @@ class Finding(NamedTuple):
 
 def doctor(
     thorough: Annotated[bool, typer.Option(help="read every recording and compare its SHA-256")] = False,
+    sweep: Annotated[bool, typer.Option("--sweep", help="first remove audio that no row speaks of")] = False,
     json: Json = False,
 ) -> None:
-    """Check this installation and say what to do; ends with 1 if something is wrong."""
-    with frame.library() as library, library.reading() as session:
-        findings = [_database(library, thorough)]
-        if findings[0].fault is None:
-            findings += _checked(library, session, thorough)
+    """Check this installation and say what to do; ends with 1 if something is wrong. Changes nothing but by --sweep."""
+    if sweep:
+        with frame.library() as library:
+            left = _unspoken(library)
+            removed = sum(library.sweep(left[at : at + AT_A_TIME]) for at in range(0, len(left), AT_A_TIME))
+        frame.say(f"{removed} files of audio removed")
+    try:
+        with frame.library(look=True) as library, library.reading() as session:
+            findings = [_database(library, thorough)]
+            if findings[0].fault is None:
+                findings += _checked(library, session, thorough)
+    except SchemaError as error:
+        findings = [Finding("database", "there is none that can be looked at", str(error))]
     lines = (
         f"{'WRONG' if one.fault else 'good '}  {one.what}: {one.found}" + (f"\n       {one.fault}" if one.fault else "")
         for one in findings
@@ -145,7 +155,7 @@ def _checked(library: CaseLibrary, session: Session, thorough: bool) -> Iterator
     except DecoderUnavailableError as error:
         yield Finding("decoder", "does not start", str(error))
     yield _audio(library, session, thorough)
-    yield _leftovers(library, session)
+    yield _leftovers(library)
 
 
 def _audio(library: CaseLibrary, session: Session, thorough: bool) -> Finding:
@@ -166,16 +176,21 @@ def _audio(library: CaseLibrary, session: Session, thorough: bool) -> Finding:
     return Finding("recordings", f"{whole} of {number} are {looked}", fault if whole < number else None)
 
 
-def _leftovers(library: CaseLibrary, session: Session) -> Finding:
-    """Of processes that were killed; and audio without a row, of requests that were refused after it was kept."""
-    known = set(session.scalars(select(StoredRecording.file_sha256)))
-    for inputs in session.scalars(select(StoredInvestigation.inputs)):
-        known |= {str(file["sha256"]) for part in PARTS for file in files_of(inputs, part)}
-    unspoken = [library.audio.path_of(sha256) for sha256 in library.audio.hashes() if sha256 not in known]
-    size = sum(path.stat().st_size for path in unspoken)
+def _leftovers(library: CaseLibrary) -> Finding:
+    """Of processes that were killed, and of older versions, which kept what they refused."""
+    unspoken = _unspoken(library)
+    size = sum(library.audio.path_of(sha256).stat().st_size for sha256 in unspoken)
     left = leftovers(library, frame.settings().incoming, remove=False)
     return Finding(
         "leftovers",
         f"{left} that the next start of the service removes, {len(unspoken)} files of audio that no row speaks of "
         f"({size >> 20} MiB)",
+        "Run `gearcase doctor --sweep`." if unspoken else None,
     )
+
+
+def _unspoken(library: CaseLibrary) -> list[str]:
+    """Return the hashes of audio that no row speaks of and that is not just being stored."""
+    hashes = set(library.audio.hashes()) - set(library.audio.marks())
+    with library.reading() as session:  # begun after the look at the disk, so that it knows the rows of all of that
+        return sorted(unspoken(session, hashes))

@@ -16,6 +16,7 @@ from app.investigations import investigated, reported
 from app.recordings.intake import read_sound
 from signals.columns.table_kinds import table_kinds
 from signals.errors import SignalError
+from signals.reading.plain_file import plain_bytes
 from signals.reading.text import text_of
 from signals.recording import Recording
 from signals.telemetry import Telemetry, read_telemetry
@@ -120,7 +121,7 @@ def _measured(telemetry: Sequence[Path], channels: Path | None) -> list[tuple[st
 
 
 def _text_of(channels: Path | None) -> str | None:
-    return None if channels is None else _read(channels, lambda path: text_of(path.read_bytes()))
+    return None if channels is None else _read(channels, lambda path: text_of(plain_bytes(path)))
 
 
 def _together(found: Together) -> tuple[Investigation, list[str]]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from app.commands import frame
 from app.commands.frame import AXIS, Json
+from signals.reading.plain_file import plain_bytes
 from sim.errors import ParameterError, near_match
 
 if TYPE_CHECKING:
@@ -133,7 +134,7 @@ def simulate_train(path: Path, rate: float, duration: float, files: list[Path]) 
     from sim.rotational.train_document import read_train
     from sim.solver import simulate as simulate_any
 
-    text = path.read_bytes()
+    text = plain_bytes(path)
     train = read_train(text)
     result = watched(duration, lambda watch: simulate_any(train, duration, rate, watch=watch))
     files[0].parent.mkdir(parents=True, exist_ok=True)

@@ -30,7 +30,7 @@ from casebase.axes import find_axis, list_axes
 from casebase.description import Labelling, RecordingDescription, check_name
 from casebase.library import CaseLibrary
 from casebase.reasoning.plausibility import Expected, Known, held_against
-from casebase.store.audio_store import StoredBytes
+from casebase.store.audio_store import Content
 from casebase.store.fields import AxisName, Label, Moment, Positive, Text, Verification, Verified, Word, is_ahead
 from casebase.store.models import StoredDiagnosis, StoredRecording
 from signals.condition import OperatingCondition
@@ -176,12 +176,12 @@ class DecodedRecording:
 
 @dataclass(frozen=True)
 class Intake(DecodedRecording):
-    """A recording on its way into the library: its bytes are on disk, its rows are not yet there."""
+    """A recording on its way into the library; the file that it came in must be there until it is stored."""
 
-    stored: StoredBytes
+    content: Content
 
     def store(self, library: CaseLibrary, session: Session) -> StoredRecording:
-        return library.retain.recording(session, self.stored, self.recording, self.extraction, self.description)
+        return library.retain.recording(session, self.content, self.recording, self.extraction, self.description)
 
     def diagnose(self, library: CaseLibrary, session: Session) -> StoredDiagnosis:
         row = self.store(library, session)
@@ -308,14 +308,14 @@ def take_in(
     metadata: RecordingMetadata,
     axis: Axis | None = None,
 ) -> Intake:
-    """Decode a file, take its features and, meanwhile, keep its bytes; see `hear`."""
+    """Decode a file, take its features and, meanwhile, read its bytes; see `hear`."""
     recording = decoded(path, metadata, axis)
-    keeping = KEEPERS.submit(library.audio.put, path)
+    keeping = KEEPERS.submit(library.audio.content, path)
     try:
         heard = hear(library, recording, name, media_type, metadata, axis)
     finally:
-        stored = keeping.result()
-    return Intake(**vars(heard), stored=stored)
+        content = keeping.result()
+    return Intake(**vars(heard), content=content)
 
 
 def decoded(path: Path, metadata: RecordingMetadata, axis: Axis | None = None) -> Recording:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from app.recordings.sound_files import SUFFIX
 from casebase.store.audio_store import sha256_of
+from signals.reading.plain_file import plain_bytes
 
 MEMORY = ".gearcase-watch.jsonl"
 SETTLED_S = 2 * 65536 / (8000 * 2)
@@ -47,7 +48,7 @@ class Memory:
         self._by_file: dict[tuple[str, int, int], Sent] = {}
         self._by_content: dict[str, Sent] = {}
         if path.exists():
-            for line in path.read_text("utf-8", "replace").splitlines():
+            for line in plain_bytes(path).decode("utf-8", "replace").splitlines():
                 try:
                     self._keep(Sent(**json.loads(line)))
                 except (ValueError, TypeError):

@@ -160,10 +160,9 @@ MAKES_NOTHING = ("/jobs/{job_id}/resume", "/alarms/deliveries/{delivery_id}/retr
 def fill(service: Service) -> Known:
     """Put into an empty library what the orders need."""
     library = service.library
-    folder = library.data_dir / "first.wav"
-    folder.write_bytes(sound(100, seconds=2.0))
-    intake = take_in(library, folder, "first.wav", "audio/wav", RecordingMetadata(gearbox="g0"))
-    folder.unlink()
+    path = library.data_dir / "first.wav"
+    path.write_bytes(sound(100, seconds=2.0))
+    intake = take_in(library, path, "first.wav", "audio/wav", RecordingMetadata(gearbox="g0"))
     with library.transaction("chaos") as session:
         row, key = create_key(session, name="chaos", role=Role.ADMIN)
         signed_in = open_session(session, row.id)
@@ -180,6 +179,7 @@ def fill(service: Service) -> Known:
         rejected = revise_diagnosis(session, intake.diagnose(library, session).id, "rejected")
         (step,) = standing(session, ("diagnosis", rejected.id))
         number = step.id
+    path.unlink()
     return Known(key, signed_in, diagnosis.id, found.id, receiver, number)
 
 
@@ -214,5 +214,5 @@ def is_file(kept: object) -> bool:
 
 def left(data_dir: Path) -> Iterator[Path]:
     """Files that were under way."""
-    yield from (data_dir / "audio").glob(".part-*")
+    yield from (data_dir / "audio").glob(".*")
     yield from (data_dir / "incoming").glob("*")

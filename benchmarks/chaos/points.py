@@ -16,7 +16,7 @@ from sqlalchemy import Engine, event
 from sqlalchemy.engine.default import DefaultDialect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-ON_DISK = ("fsync", "rename", "replace", "unlink", "mkdir", "rmdir")
+ON_DISK = ("fsync", "link", "rename", "replace", "unlink", "mkdir", "rmdir")
 WRITES = ("INSERT", "UPDATE", "DELETE", "WITH")
 
 

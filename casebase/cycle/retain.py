@@ -14,7 +14,7 @@ from casebase.origins import SIMULATED, origin_of
 from casebase.recordings import store_recording
 from casebase.sounds import cases_of, other_gearbox
 from casebase.store import audit
-from casebase.store.audio_store import AudioStore, StoredBytes
+from casebase.store.audio_store import AudioStore, Content
 from casebase.store.counter import count_change
 from casebase.store.models import Case, StoredRecording, now
 from signals.features import Extraction
@@ -32,15 +32,15 @@ class Retain:
     def recording(
         self,
         session: Session,
-        source: Path | bytes | StoredBytes,
+        source: Path | bytes | Content,
         recording: Recording,
         extraction: Extraction,
         description: RecordingDescription,
     ) -> StoredRecording:
-        """Keep a recording: audio on disk first, then its rows. The same again is the one that is there.
+        """Keep a recording, its rows and its file. The same again is the one that is there.
 
         Args:
-            source: the file as it came, bytes or path, or what `audio.put` of it has said already.
+            source: the file as it came, bytes or path, or what `audio.content` has read already.
             recording: what was decoded from it.
             extraction: its features.
             description: how it was taken.

@@ -8,18 +8,24 @@ is restored into either. It has no sessions of browsers: a restore would begin a
 import json
 import shutil
 import sqlite3
+import stat
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from itertools import groupby
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from sqlalchemy import JSON, Connection, Engine, RowMapping, Table, delete, func, insert, select, text
+from sqlalchemy.orm import Session
 
+import migrations
 from casebase.errors import BackupError
+from casebase.recordings import unspoken
 from casebase.store.audio_store import AudioStore, sha256_of, sync_folder
 from casebase.store.database import WRITING, create_engine_for, sqlite_url, upgrade_database
 from casebase.store.models import Base, BrowserSession, LibraryCounter, now
+from signals.reading.plain_file import plain_bytes
 
 CHECKSUMS = "checksums.json"
 DATABASE = "gearcase.db"
@@ -40,14 +46,16 @@ def backup(engine: Engine, data_dir: Path, target: Path) -> int:
     sums: dict[str, str] = {}
     if engine.dialect.name == "sqlite":
         _copy_database(Path(str(engine.url.database)), target / DATABASE)
-    else:
-        with _opened(target / DATABASE) as copied:
+    with _opened(target / DATABASE) as copied, Session(copied) as session:
+        if engine.dialect.name != "sqlite":
             copy_rows(engine, copied)
+        # the database first: audio that came later does no harm, audio that is missing would
+        source, copy = AudioStore(data_dir / "audio"), AudioStore(target / "audio")
+        hashes = set(source.hashes())
+        hashes -= set(unspoken(session, hashes))
     sums[DATABASE] = sha256_of(target / DATABASE)
-    # the database first: audio that came later does no harm, audio that is missing would
-    source, copy = AudioStore(data_dir / "audio"), AudioStore(target / "audio")
-    for sha256 in source.hashes():
-        if copy.put(source.path(sha256)).sha256 != sha256:
+    for sha256 in sorted(hashes):
+        if copy.put(source.path(sha256)) != sha256:
             raise BackupError(f"audio {sha256[:12]} is damaged in the library; restore it from an older backup")
         sums[f"audio/{sha256}"] = sha256
     document = {
@@ -81,9 +89,12 @@ def _opened(path: Path) -> Iterator[Engine]:
 
 
 def verify(folder: Path) -> tuple[str, ...]:
-    """Return what is wrong with a backup, nothing if it is whole."""
+    """Return what is wrong with a backup, nothing if it is whole. Files with several names are files as any others."""
+    odd = [path for path in folder.rglob("*") if not (stat.S_ISREG(mode := path.lstat().st_mode) or stat.S_ISDIR(mode))]
+    if odd:
+        return (f"{odd[0]} is a link, a pipe, a device or a socket; a backup has files and folders alone",)
     try:
-        document = json.loads((folder / CHECKSUMS).read_text(encoding="utf-8"))
+        document = _manifest(folder)
         files = dict(document["files"])
         if document["schema"] != SCHEMA:
             return (f"{CHECKSUMS} is not of {SCHEMA}",)
@@ -113,23 +124,36 @@ def erased_in(folder: Path) -> tuple[str, ...]:
         BackupError: if the folder is no backup.
     """
     try:
-        return tuple(json.loads((folder / CHECKSUMS).read_text(encoding="utf-8")).get("erased", {}))
+        return tuple(_manifest(folder).get("erased", {}))
     except (OSError, ValueError, AttributeError) as error:
         raise BackupError(f"no readable {CHECKSUMS} in {folder}: this is no backup ({error})") from error
 
 
+def _manifest(folder: Path) -> Any:
+    return json.loads(plain_bytes(folder / CHECKSUMS))
+
+
 def _erased(path: Path) -> dict[str, str]:
     """Return which recordings of a copied database are erased: id -> SHA-256 of the file."""
-    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
+    with closing(_read_only(path)) as database:
         return dict(database.execute("SELECT id, file_sha256 FROM recordings WHERE erased_at IS NOT NULL"))
+
+
+def _read_only(path: Path) -> sqlite3.Connection:
+    """Open a database that nobody writes, without the files beside it that even who only reads would make."""
+    return sqlite3.connect(f"file:{quote(str(path.resolve()))}?immutable=1", uri=True)
 
 
 def _database_faults(path: Path, files: dict[str, str]) -> Iterator[str]:
     try:
-        with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
+        with closing(_read_only(path)) as database:
             result = database.execute("PRAGMA integrity_check").fetchone()[0]
             if result != "ok":
                 yield f"the database is damaged: {result}"
+            (revision,) = database.execute("SELECT version_num FROM alembic_version").fetchone() or (None,)
+            if revision != migrations.NEWEST:
+                yield f"its tables are of revision {revision}, and this version needs {migrations.NEWEST}"
+                return
             erased = _erased(path)
             for (sha256,) in database.execute("SELECT DISTINCT file_sha256 FROM recordings"):
                 if f"audio/{sha256}" not in files and sha256 not in erased.values():
@@ -156,7 +180,8 @@ def restore(source: Path, data_dir: Path, database: Engine | None = None) -> int
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir(parents=True)
     kept, store = AudioStore(source / "audio"), AudioStore(part / "audio")
-    count = len([store.put(kept.path(sha256)) for sha256 in kept.hashes()])
+    files = [name.removeprefix("audio/") for name in _manifest(source)["files"] if name != DATABASE]
+    count = len([store.put(kept.path(sha256)) for sha256 in files])
     shutil.copy(source / DATABASE, part / DATABASE)
     if sha256_of(source / DATABASE) != sha256_of(part / DATABASE):
         raise BackupError(f"{DATABASE} did not arrive whole; is the disk full?")

@@ -6,9 +6,11 @@ hold over HTTP.
 
 import hashlib
 import json
+import time
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -18,29 +20,33 @@ from sqlalchemy.orm import Session
 from casebase.errors import BundleError, DuplicateError, InvalidRequestError
 from casebase.library import CaseLibrary
 from casebase.search.case_filter import CaseFilter
+from casebase.store.audio_store import Content
 from casebase.store.bundle_entry import BundledCase
 from casebase.store.bundle_worker import MANIFEST
 from casebase.store.counter import library_version
 from casebase.store.models import Case
 from casebase.store.pagination import LARGEST_PAGE
 from signals.errors import SignalError
-from signals.features import extract
+from signals.features import Extraction, extract
 from signals.reading.decode import read_recording
 from signals.reading.limited_pool import PAPERS, refusals_as
+from signals.reading.plain_file import open_plain
+from signals.recording import Recording
 
 SCHEMA = "gearcase-bundle/1"
 
 
 @dataclass(frozen=True)
 class BundleLimits:
-    """What a bundle may cost: entries, bytes when unpacked, times its packed size, bytes of the manifest; of each entry
-    that is read time and processor time [s] and memory [byte]."""
+    """What a bundle may cost: entries, and as many cases; bytes when unpacked, times its packed size, bytes of the
+    manifest; time of the whole import [s]; of each entry that is read time and processor time [s] and memory [byte]."""
 
     entries: int = 10_000
     total_bytes: int = 10 * 2**30
     file_bytes: int = 200 * 2**20
     ratio: float = 100.0
     manifest_bytes: int = 64 * 2**20
+    total_seconds: float = 3600.0
     seconds: float = 60.0
     cpu_seconds: float = 30.0
     memory_bytes: int = 1 << 30
@@ -126,6 +132,8 @@ def import_cases(
 ) -> Imported:
     """Take the cases of a bundle into the library, each in a transaction of its own; what is here already stays.
 
+    Cases of one sound are taken together, for it is read once for all of them.
+
     Args:
         source: path of the ZIP.
         progress: called with the number of cases done and in all.
@@ -137,21 +145,39 @@ def import_cases(
     new: list[str] = []
     known = 0
     refused: dict[str, str] = {}
+    began = time.monotonic()
     entries = _manifest(source, limits)
-    for number, entry in enumerate(entries):
+    sound = lru_cache(maxsize=1)(partial(_sound, library, source, limits))
+    features = lru_cache(maxsize=1)(lambda condition, *asked: extract(sound(*asked)[1], condition))
+    first: dict[object, int] = {}
+    together = sorted(enumerate(entries), key=lambda each: first.setdefault((each[1].sha256, each[1].channel), each[0]))
+    names: dict[str, str] = {}
+    seen: dict[str, bool] = {}
+    for done, (number, entry) in enumerate(together):
+        progress(done, len(entries))
+        document = entry.model_dump_json(exclude={"audio"})
         if entry.audio is None:
             refused[f"case {number}"] = "its audio was erased where it comes from, so there is nothing to compare"
-            progress(number + 1, len(entries))
-            continue
-        audio = _audio(source, entry.audio, entry.sha256, limits)
-        try:
-            case, fresh = _take(library, entry, audio, actor, f"import {source.name}"[:100])
-        except (SignalError, DuplicateError, InvalidRequestError) as error:
-            refused[entry.audio] = str(error)
+        elif document in seen:
+            known += seen[document]
+        elif time.monotonic() - began > limits.total_seconds:
+            refused[entry.audio] = f"the import had taken {limits.total_seconds:g} s by then: split the bundle"
         else:
-            known += not fresh
-            new += [case.id] if fresh else []
-        progress(number + 1, len(entries))
+            seen[document] = False
+            asked = names.setdefault(entry.sha256, entry.audio), entry.sha256, entry.channel
+            try:
+                description = entry.recording.description()
+                extraction = features(description.condition, *asked)
+                case, fresh = _take(library, entry, *sound(*asked), extraction, actor, f"import {source.name}"[:100])
+            except BundleError:
+                raise
+            except (SignalError, DuplicateError, InvalidRequestError) as error:
+                refused[entry.audio] = str(error)
+            else:
+                seen[document] = True
+                known += not fresh
+                new += [case.id] if fresh else []
+    progress(len(entries), len(entries))
     return Imported(tuple(new), known, refused)
 
 
@@ -162,6 +188,8 @@ def _manifest(source: Path, limits: BundleLimits) -> list[BundledCase]:
     entries = manifest.get("cases")
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise BundleError(f'{MANIFEST} must have a list of objects under "cases"')
+    if len(entries) > limits.entries:
+        raise BundleError(f"{len(entries)} cases; at most {limits.entries} are allowed: split the bundle")
     return [_case(number, entry) for number, entry in enumerate(entries)]
 
 
@@ -187,22 +215,34 @@ def _audio(source: Path, name: str, sha256: str, limits: BundleLimits) -> bytes:
 
 def _asked(task: str, about: Mapping[str, object], source: Path, limits: BundleLimits, largest: int) -> bytes:
     """Have the bundle opened in the limited process; raises BundleError."""
-    source.open("rb").close()
+    open_plain(source).close()
     asked = {"path": str(source.absolute()), **about}
     with refusals_as(BundleError, "reading the bundle was given up ({}): split it, or export it again"):
         content, _ = PAPERS.perform(f"casebase.store.bundle_worker:{task}", asked, asdict(limits), largest)
     return bytes(content)
 
 
-def _take(library: CaseLibrary, entry: BundledCase, audio: bytes, actor: str, batch: str) -> tuple[Case, bool]:
-    """Decode, extract, store and retain one case; whether it is new."""
-    description, labelling = entry.recording.description(), entry.labelling(batch)
-    stored = library.audio.put(audio)
-    path = library.audio.path(stored.sha256)
-    recording = read_recording(path, channel=entry.channel)
-    extraction = extract(recording, description.condition)
+def _sound(
+    library: CaseLibrary, source: Path, limits: BundleLimits, name: str, sha256: str, channel: int
+) -> tuple[Content, Recording]:
+    """Read one channel of a sound of the bundle."""
+    audio = _audio(source, name, sha256, limits)
+    with library.audio.unnamed(audio) as (path, _):
+        return Content(audio, sha256, len(audio)), read_recording(path, channel=channel)
+
+
+def _take(
+    library: CaseLibrary,
+    entry: BundledCase,
+    content: Content,
+    recording: Recording,
+    extraction: Extraction,
+    actor: str,
+    batch: str,
+) -> tuple[Case, bool]:
+    """Store and retain one case; whether it is new."""
     with library.transaction(actor) as session:
         before = library_version(session)
-        row = library.retain.recording(session, path, recording, extraction, description)
-        case = library.retain.case(session, row, labelling)
+        row = library.retain.recording(session, content, recording, extraction, entry.recording.description())
+        case = library.retain.case(session, row, entry.labelling(batch))
         return case, case.library_version > before

@@ -13,6 +13,11 @@ def library_version(session: Session) -> int:
     return session.scalars(select(LibraryCounter.value)).one()
 
 
+def lock(session: Session) -> None:
+    """Let nobody else name a file, store a recording or erase one until the transaction ends."""
+    session.scalars(select(LibraryCounter.value).with_for_update()).one()
+
+
 def count_change(session: Session) -> int:
     """Count up, so that every process sees at its next query that something changed; return the new count."""
     session.info[_CHANGED] = True

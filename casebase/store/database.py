@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from sqlite3 import Connection as SqliteConnection
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,13 +89,17 @@ def strict_json(document: object) -> str:
     return json.dumps(document, allow_nan=False, separators=(",", ":"))
 
 
-def create_engine_for(url: str) -> Engine:
-    """Return an engine for `sqlite:///path` or `postgresql://...` (psycopg is the driver)."""
+def create_engine_for(url: str, *, look: bool = False) -> Engine:
+    """Return an engine for `sqlite:///path` or `postgresql://...` (psycopg is the driver).
+
+    Args:
+        look: of SQLite, make no database and leave what is there as it is.
+    """
     parsed = make_url(url)
     if parsed.drivername in ("postgresql", "postgres"):
         parsed = parsed.set(drivername="postgresql+psycopg")
     if parsed.get_backend_name() == "sqlite":
-        return _sqlite_engine(parsed.render_as_string(hide_password=False))
+        return _sqlite_engine(parsed.render_as_string(hide_password=False), look=look)
     if parsed.get_backend_name() == "postgresql":
         return _postgresql_engine(impatient(parsed))
     raise ValueError(f"database {parsed.get_backend_name()!r} is not known: use sqlite:/// or postgresql://")
@@ -128,12 +133,23 @@ def _postgresql_engine(url: URL) -> Engine:
     return engine
 
 
-def _sqlite_engine(url: str) -> Engine:
-    engine = create_engine(url, connect_args={"timeout": 30.0}, json_serializer=strict_json)
+def _looking(url: str) -> str:
+    """Return the URL of an SQLite file that is only read."""
+    path = Path(str(make_url(url).database))
+    # who reads alone leaves a log behind, who may write clears one away that a kill left
+    mode = "ro" if path.with_name(f"{path.name}-wal").exists() else "rw"
+    return f"sqlite:///file:{quote(str(path.resolve()))}?mode={mode}&uri=true"
+
+
+def _sqlite_engine(url: str, *, look: bool = False) -> Engine:
+    engine = create_engine(_looking(url) if look else url, connect_args={"timeout": 30.0}, json_serializer=strict_json)
 
     @event.listens_for(engine, "connect")
     def configure(connection: SqliteConnection, _record: object) -> None:
         connection.isolation_level = None  # the "begin" event below says how a transaction starts
+        if look:
+            connection.execute("PRAGMA query_only=ON")
+            return
         connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=FULL")
         connection.execute("PRAGMA foreign_keys=ON")
@@ -150,16 +166,23 @@ def _sqlite_engine(url: str) -> Engine:
     return engine
 
 
-def upgrade_database(engine: Engine) -> None:
+def upgrade_database(engine: Engine, *, look: bool = False) -> None:
     """Make the tables of an empty database; does nothing when they are there already.
 
+    There is one migration, so that nothing which holds anything is ever changed.
+
+    Args:
+        look: make none.
+
     Raises:
-        SchemaError: if its tables are those of another version.
+        SchemaError: if its tables are those of another version, or there are none to look at.
     """
-    with engine.connect().execution_options(**{WRITING: True}) as connection, connection.begin():
+    with engine.connect().execution_options(**{WRITING: not look}) as connection, connection.begin():
         revision = _revision(connection)
         if revision == migrations.NEWEST:
             return
+        if look and revision is None:
+            raise SchemaError("there is no library yet: `gearcase serve` makes one")
         if revision is not None:
             raise SchemaError(
                 f"the tables of this library are of revision {revision}, and this version needs {migrations.NEWEST}: "

@@ -1,6 +1,7 @@
 """Erasing audio: the bytes go, and what shows them; rows, features, diagnoses, cases and the audit stay.
 
-A file is erased for all recordings that have it. Bytes that were erased are not kept again when they come again.
+A sound is erased in every file that it came in, and those for all recordings that have them. Bytes that were erased are
+not kept again when they come again.
 """
 
 from collections.abc import Collection, Sequence
@@ -13,7 +14,8 @@ from sqlalchemy.orm import Session
 from casebase.library import CaseLibrary
 from casebase.recordings import DISCARDED
 from casebase.store import audit
-from casebase.store.models import Case, LibraryCounter, StoredRecording, now
+from casebase.store.counter import lock
+from casebase.store.models import Case, StoredRecording, now
 
 
 @dataclass(frozen=True)
@@ -21,46 +23,41 @@ class Erased:
     """What was erased.
 
     Args:
-        recordings: ids of all recordings of the file.
-        same_sound: ids of recordings of the same sound in other files, whose audio is still there.
+        recordings: ids of all recordings whose audio is gone.
     """
 
     id: str
     erased_at: datetime
     erased_by: str
     recordings: tuple[str, ...]
-    same_sound: tuple[str, ...]
 
 
-def erase(library: CaseLibrary, session: Session, recording_id: str, reason: str = "asked for") -> Erased:
+def erase(
+    library: CaseLibrary, session: Session, recording_id: str, reason: str = "asked for", *, other_files: bool = True
+) -> Erased:
     """Erase the audio of a recording; again changes nothing. The bytes go when the transaction is committed.
+
+    Args:
+        other_files: erase the same sound in other containers, rates and gains as well.
 
     Raises:
         NotFoundError: if there is no such recording.
     """
-    # nobody stores the same bytes meanwhile
-    session.scalars(select(LibraryCounter.value).with_for_update()).one()
+    lock(session)  # nobody stores the same bytes meanwhile
     row = library.retrieve.recording(session, recording_id)
-    rows = session.scalars(select(StoredRecording).where(StoredRecording.file_sha256 == row.file_sha256)).all()
+    alike = StoredRecording.sound_id == row.sound_id if other_files else StoredRecording.id == row.id
+    files = select(StoredRecording.file_sha256).where(alike)
+    rows = session.scalars(select(StoredRecording).where(StoredRecording.file_sha256.in_(files))).all()
     at, by = now(), audit.actor_of(session)
     for each in rows:
         if each.erased_at is None:
             each.erased_at, each.erased_by = at, by
-            after = {"file_sha256": row.file_sha256, "reason": reason}
+            after = {"file_sha256": each.file_sha256, "reason": reason}
             audit.record(session, "recording.erased", ("recording", each.id), after=after)
     session.flush()
-    session.info.setdefault(DISCARDED, set()).add(row.file_sha256)
-    alike = select(StoredRecording.id).where(
-        StoredRecording.sound_id == row.sound_id, StoredRecording.erased_at.is_(None)
-    )
+    session.info.setdefault(DISCARDED, set()).update(each.file_sha256 for each in rows)
     assert row.erased_at is not None
-    return Erased(
-        row.id,
-        row.erased_at,
-        row.erased_by or by,
-        tuple(sorted(each.id for each in rows)),
-        tuple(session.scalars(alike.order_by(StoredRecording.id))),
-    )
+    return Erased(row.id, row.erased_at, row.erased_by or by, tuple(sorted(each.id for each in rows)))
 
 
 def outlived(session: Session, days: int, keep: Collection[str] = ()) -> Sequence[str]:
@@ -93,7 +90,7 @@ def expire(library: CaseLibrary, actor: str, days: int, keep: Collection[str] = 
     for recording_id in waiting:
         with library.transaction(actor) as session:
             if not _is_case(session, recording_id):  # it may have become one meanwhile
-                gone += erase(library, session, recording_id, f"kept for {days} days").recordings
+                gone += erase(library, session, recording_id, f"kept for {days} days", other_files=False).recordings
     discard_left(library)
     return gone
 

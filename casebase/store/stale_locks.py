@@ -19,7 +19,7 @@ def count_abandoned(paths: Iterable[Path], *, remove: bool) -> int:
 
 def _is_abandoned(path: Path, remove: bool) -> bool:
     try:
-        descriptor = os.open(path, os.O_RDONLY)
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     except FileNotFoundError:
         return False
     try:

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from signals.errors import TextError
 from signals.reading.documents import parse_document, parse_foreign
+from signals.reading.plain_file import plain_bytes
 from sim.description.axis import (
     MOST_TABLES,
     SCHEMA,
@@ -86,7 +87,7 @@ def parse_axis(text: bytes | str) -> dict[str, object]:
 
 def _parse(path: Path) -> Mapping[str, object]:
     try:
-        return parse_document(path.read_bytes())
+        return parse_document(plain_bytes(path))
     except OSError as error:
         raise AxisError(f"{path.name}: {'no such file' if isinstance(error, FileNotFoundError) else error}") from None
     except TextError as error:

@@ -10,6 +10,7 @@ from typing import Any
 from signals.columns.joint_maps import LoggedJoint
 from signals.errors import TextError
 from signals.reading.documents import parse_document
+from signals.reading.plain_file import plain_bytes
 from sim.description.axis import Axis, Load, Motor
 from sim.description.axis_document import read_axis
 from sim.errors import AxisError, number, shown
@@ -221,7 +222,7 @@ def _bytes(path: Path, name: str, most: int = 1 << 20) -> bytes:
     try:
         if path.stat().st_size > most:
             raise AxisError(f"{name}: has {path.stat().st_size} bytes; it may have {most}")
-        return path.read_bytes()
+        return plain_bytes(path)
     except OSError as error:
         raise AxisError(f"{name}: {'no such file' if isinstance(error, FileNotFoundError) else error}") from None
 

@@ -44,14 +44,16 @@ def test_same_bytes_and_metadata_are_one_recording_and_one_case(admin: httpx.Cli
 
 @pytest.mark.parametrize("change", [{"gearbox": "g2"}, {"label": "notch"}])
 def test_same_sound_of_another_gearbox_or_label_is_a_conflict_that_names_the_case(
-    admin: httpx.Client, change: dict[str, str]
+    admin: httpx.Client, live_server: LiveServer, change: dict[str, str]
 ) -> None:
     first = add(admin, sound(12), gearbox="g1").json()
+    there = sorted((live_server.data_dir / "audio").glob("*/*"))
     quieter = wav(0.5 * hum(6.0, 12))
     answer = add(admin, quieter, **{"gearbox": "g1", **change})
     assert answer.status_code == 409
     assert answer.json()["case"] == {"id": first["id"], "label": "normal", "gearbox": "g1"}
     assert first["id"] in answer.json()["detail"]
+    assert sorted((live_server.data_dir / "audio").glob("*/*")) == there
 
 
 def test_idempotency_key_answers_the_same_bytes(admin: httpx.Client) -> None:

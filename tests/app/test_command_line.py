@@ -178,9 +178,11 @@ def test_bad_input_is_2_and_says_so_on_stderr(data_dir: Path, words: tuple[str, 
 def test_doctor_finds_what_is_missing(tmp_path: Path) -> None:
     folder, path = tmp_path / "data", tmp_path / "x.wav"
     path.write_bytes(sound(1))
-    empty = gearcase("doctor", "--json", data_dir=folder)
-    faults = {finding["what"] for finding in json.loads(empty.stdout) if finding["fault"]}
-    assert (empty.code, faults) == (1, {"keys", "library"})
+    for faults in ({"database"}, {"keys", "library"}):
+        empty = gearcase("doctor", "--json", data_dir=folder)
+        assert (empty.code, {each["what"] for each in json.loads(empty.stdout) if each["fault"]}) == (1, faults)
+        assert folder.exists() == (faults != {"database"})
+        gearcase("cases", "list", data_dir=folder)
     gearcase("keys", "create", "--role", "admin", "--name", "me", data_dir=folder)
     gearcase("cases", "add", path, "--label", "normal", data_dir=folder)
     assert gearcase("doctor", "--thorough", data_dir=folder).code == 0

@@ -1,5 +1,6 @@
 """A disk that spoils what is stored is found out and said with the way out; what is ours is for our eyes alone."""
 
+import json
 import os
 import random
 import sqlite3
@@ -137,13 +138,48 @@ def test_the_log_beside_the_database_shrinks_again(tmp_path: Path) -> None:
     engine.dispose()
 
 
-def test_doctor_counts_what_no_row_speaks_of(tmp_path: Path) -> None:
+def leftovers(data_dir: Path, *words: str) -> tuple[str, bool]:
+    """What doctor says of them, and whether it is wrong."""
+    found = json.loads(gearcase("doctor", *words, "--json", data_dir=data_dir).stdout)[-1]
+    return found["found"], found["fault"] is not None
+
+
+def test_doctor_offers_to_remove_what_no_row_speaks_of(tmp_path: Path) -> None:
     library = CaseLibrary.open(tmp_path / "data")
-    library.audio.put(b"left by a crash")
+    library.audio.put(b"left by an older version")
     library.close()
-    assert "1 files of audio that no row speaks of" in gearcase("doctor", data_dir=tmp_path / "data").stdout
-    with closing(sqlite3.connect(tmp_path / "data" / "gearcase.db")) as database:
-        assert database.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+    found, wrong = leftovers(tmp_path / "data")
+    assert ("1 files of audio that no row speaks of" in found, wrong) == (True, True)
+    assert not leftovers(tmp_path / "data", "--sweep")[1]
+    assert list(library.audio.hashes()) == []
+
+
+def everything(folder: Path) -> dict[Path, tuple[int, bytes]]:
+    return {path: (path.stat().st_mode, path.read_bytes()) for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("state", ["whole", "killed", "newer", "other mode"])
+def test_doctor_changes_nothing(tmp_path: Path, state: str) -> None:
+    database = filled(tmp_path / "data")
+    with closing(sqlite3.connect(database)) as connection:
+        if state == "newer":
+            connection.execute("UPDATE alembic_version SET version_num = '9999'")
+            connection.commit()
+    if state == "other mode":
+        database.chmod(0o644)
+    if state == "killed":
+        child = os.fork()
+        if child == 0:
+            sqlite3.connect(database).executescript("INSERT INTO filling (words) VALUES ('killed')")
+            os._exit(0)
+        os.waitpid(child, 0)
+    before = everything(tmp_path / "data")
+    done = gearcase("doctor", data_dir=tmp_path / "data")
+    after = everything(tmp_path / "data")
+    assert {path: after[path] for path in after if path.suffix != ".db-shm"} == {
+        path: before[path] for path in before if path.suffix != ".db-shm"
+    }
+    assert ("9999" in done.stdout, "Traceback" in done.stderr) == (state == "newer", False)
 
 
 def test_doctor_counts_what_the_next_start_removes_and_nothing_that_is_under_way(service: Inside) -> None:

@@ -225,6 +225,16 @@ def test_telemetries_that_do_not_fit_are_refused_by_name(operator: httpx.Client)
         assert said in refused.json()["detail"]
 
 
+@pytest.mark.parametrize("part", ["as_new", "telemetry"])
+def test_a_refused_investigation_leaves_no_file(operator: httpx.Client, live_server: LiveServer, part: str) -> None:
+    there = sorted((live_server.data_dir / "audio").rglob("*"))
+    content = telemetry(7.0) if part == "telemetry" else sound(77)
+    names = (part, "sound" if part == "as_new" else part)
+    refused = operator.post(URL, files=[(name, ("same", content)) for name in names], data={"axis": AXIS})
+    assert refused.status_code == 422
+    assert sorted((live_server.data_dir / "audio").rglob("*")) == there
+
+
 def measured(seed: int) -> bytes:
     """Return six seconds of one body with friction."""
     recording = one_body(0.3, 1.0, 0.02, seed)

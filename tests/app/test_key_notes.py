@@ -49,7 +49,7 @@ def test_locked_database_keeps_nobody_from_reading(live_server: LiveServer, admi
     made = admin.post(KEYS, json={"name": "reader", "role": "viewer"}).raise_for_status().json()
     assert made["last_used_at"] is None
     fresh = {"Authorization": f"Bearer {made['key']}"}
-    with locked(live_server.data_dir / "gearcase.sqlite3"):
+    with locked(live_server.data_dir / "gearcase.db"):
         for headers, status in ((fresh, 200), (WRONG, 401), (fresh, 200)):
             assert httpx.get(f"{live_server.url}/api/v1/cases", headers=headers, timeout=15).status_code == status
     assert eventually(admin, made["id"])

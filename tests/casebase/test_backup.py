@@ -1,6 +1,8 @@
 """A backup counts when it has been restored."""
 
 import json
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -9,10 +11,12 @@ from sqlalchemy import select
 from casebase.errors import BackupError
 from casebase.library import CaseLibrary
 from casebase.search.case_filter import CaseFilter
+from casebase.store.audio_store import sha256_of
 from casebase.store.backup import CHECKSUMS, DATABASE, backup, restore, verify
 from casebase.store.database import create_engine_for
 from casebase.store.models import ApiKey, Base, BrowserSession, new_id, now
 from tests.casebase.sounds import add_sound, write_sound
+from tests.signals.test_plain_file import odd
 
 
 @pytest.fixture
@@ -129,3 +133,39 @@ def test_nothing_is_overwritten(filled: CaseLibrary, tmp_path: Path) -> None:
     with pytest.raises(BackupError, match="not empty"):
         restore(tmp_path / "copy", filled.data_dir)
     filled.close()
+
+
+@pytest.mark.parametrize("name", [CHECKSUMS, DATABASE, "audio/ab/pipe"])
+@pytest.mark.parametrize("kind", ["pipe", "link", "socket"])
+def test_a_backup_with_what_is_no_file_is_refused(filled: CaseLibrary, tmp_path: Path, name: str, kind: str) -> None:
+    backup(filled.engine, filled.data_dir, tmp_path / "copy")
+    path = tmp_path / "copy" / name
+    path.parent.mkdir(exist_ok=True)
+    if path.exists():
+        path.rename(path.parent / "elsewhere")
+    odd(path, kind)
+    with pytest.raises(BackupError, match=path.name):
+        restore(tmp_path / "copy", tmp_path / "restored")
+    assert not (tmp_path / "restored").exists()
+
+
+def test_a_backup_of_a_newer_version_is_refused(filled: CaseLibrary, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    backup(filled.engine, filled.data_dir, copy)
+    with closing(sqlite3.connect(copy / DATABASE)) as newer:
+        newer.execute("UPDATE alembic_version SET version_num = '9999'")
+        newer.commit()
+    sums = json.loads((copy / CHECKSUMS).read_text())
+    sums["files"][DATABASE] = sha256_of(copy / DATABASE)
+    (copy / CHECKSUMS).write_text(json.dumps(sums))
+    with pytest.raises(BackupError, match="revision 9999"):
+        restore(copy, tmp_path / "restored")
+    assert not (tmp_path / "restored").exists()
+
+
+def test_a_backup_has_no_stray_file_and_a_check_adds_none(filled: CaseLibrary, tmp_path: Path) -> None:
+    filled.audio.put(b"nobody's")
+    assert backup(filled.engine, filled.data_dir, tmp_path / "copy") == 3
+    before = sorted((tmp_path / "copy").rglob("*"))
+    assert verify(tmp_path / "copy") == ()
+    assert sorted((tmp_path / "copy").rglob("*")) == before

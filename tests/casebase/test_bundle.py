@@ -1,5 +1,6 @@
 """Export and import: nothing is lost on the way, and a bundle from elsewhere is not trusted."""
 
+import hashlib
 import json
 import stat
 import zipfile
@@ -13,6 +14,8 @@ from casebase.library import CaseLibrary
 from casebase.search.case_filter import CaseFilter
 from casebase.store.bundle import MANIFEST, SCHEMA, BundleLimits, export_cases, import_cases
 from signals.features import EXTRACTOR_VERSION
+from signals.reading.decode import read_recording
+from signals.recording import Recording
 from tests.casebase.sounds import add_sound, write_sound
 
 
@@ -73,6 +76,7 @@ MALICIOUS: dict[str, tuple[Callable[[zipfile.ZipFile], None], str]] = {
     "no manifest": (lambda bundle: bundle.writestr("audio/a", b"x"), "has no 'manifest.json'"),
     "no json": (lambda bundle: bundle.writestr(MANIFEST, b"\xff{"), "no JSON"),
     "other schema": (lambda bundle: bundle.writestr(MANIFEST, b'{"schema": "x"}'), "schema"),
+    "many cases": (lambda bundle: bundle.writestr(MANIFEST, manifest(*[{}] * 200)), "at most 100"),
     "case without audio": (lambda bundle: bundle.writestr(MANIFEST, manifest({"label": "notch"})), "lacks audio"),
     "future": (lambda bundle: bundle.writestr(MANIFEST, manifest(FROM_TOMORROW)), "recorded_at.*future"),
 }
@@ -107,6 +111,41 @@ def test_audio_that_is_not_what_was_declared_is_refused(sqlite_library: CaseLibr
         bundle.writestr(MANIFEST, manifest(entry))
     with pytest.raises(BundleError, match="SHA-256 differs"):
         import_cases(sqlite_library, tmp_path / "in.zip", "eve")
+
+
+def repeated(tmp_path: Path, count: int) -> Path:
+    """Write a bundle of one sound under as many names, with cases of three gearboxes."""
+    audio = write_sound(tmp_path / "a.wav", 1).read_bytes()
+    case = {"sha256": hashlib.sha256(audio).hexdigest(), "label": "notch"}
+    cases = [
+        {**case, "audio": f"audio/{number}", "recording": {"gearbox": f"g{number % 3}"}} for number in range(count)
+    ]
+    with zipfile.ZipFile(tmp_path / "in.zip", "w") as bundle:
+        for number in range(count):
+            bundle.writestr(f"audio/{number}", audio)
+        bundle.writestr(MANIFEST, manifest(*cases))
+    return tmp_path / "in.zip"
+
+
+def test_a_sound_is_decoded_once_however_often_it_comes(
+    sqlite_library: CaseLibrary, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoded: list[Path] = []
+
+    def counted(path: Path, *, channel: int) -> Recording:
+        decoded.append(path)
+        return read_recording(path, channel=channel)
+
+    monkeypatch.setattr("casebase.store.bundle.read_recording", counted)
+    imported = import_cases(sqlite_library, repeated(tmp_path, 90), "anna")
+    assert (len(imported.case_ids), imported.known, list(imported.refused)) == (1, 29, ["audio/1", "audio/2"])
+    assert len(decoded) == 1
+
+
+def test_an_import_that_takes_too_long_says_what_is_left(sqlite_library: CaseLibrary, tmp_path: Path) -> None:
+    imported = import_cases(sqlite_library, repeated(tmp_path, 1), "anna", limits=BundleLimits(total_seconds=0.0))
+    assert (imported.case_ids, list(imported.refused)) == ((), ["audio/0"])
+    assert list(sqlite_library.audio.hashes()) == []
 
 
 def test_no_zip_at_all_is_said(sqlite_library: CaseLibrary, tmp_path: Path) -> None:

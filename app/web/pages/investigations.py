@@ -98,7 +98,7 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
     _, take = asked_of(service, upload)
     question = take()
     with service.library.transaction(principal.actor) as session:
-        identity = submit(session, jobs, question).id
+        identity = submit(service.library, session, jobs, question).id
     return lead(service, f"/jobs/{identity}")
 
 
