@@ -1,15 +1,12 @@
 """Care of the library: its evaluation and review with edits, cases to simulate, cases carried in and out."""
 
-from pathlib import Path
-from shutil import rmtree
-from tempfile import mkdtemp
+from tempfile import TemporaryFile
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Form, Request
-from fastapi.responses import FileResponse, Response
+from fastapi.responses import Response, StreamingResponse
 from pydantic import Field
 from sqlalchemy import select
-from starlette.background import BackgroundTask
 
 from app.api.jobs import SimulationRequest, campaign_of
 from app.background_cache import Pending
@@ -25,6 +22,7 @@ from casebase import review as care
 from casebase.axes import get_axis, list_axes
 from casebase.errors import NotFoundError
 from casebase.search.case_filter import CaseFilter
+from casebase.store.audio_store import read_chunks
 from casebase.store.bundle import export_cases, import_cases
 from casebase.store.models import Artifact
 from sim.description.axis_document import read_axis
@@ -162,10 +160,11 @@ def exchange(request: Request, principal: PageAdmin) -> Response:
 @router.get("/export.zip")
 def export(session: Reading, service: TheService, _: PageAdmin, label: str = "", origin: str = "") -> Response:
     """The cases wanted as one bundle."""
-    folder = Path(mkdtemp(dir=service.settings.data_dir))
-    target = folder / "cases.zip"
+    target = TemporaryFile(dir=service.settings.data_dir)  # noqa: SIM115 - without a name, so that a kill leaves nothing
     export_cases(service.library, session, target, CaseFilter(label=label or None, origin=origin or None))
-    return FileResponse(target, filename="cases.zip", background=BackgroundTask(rmtree, folder))
+    target.seek(0)
+    headers = {"Content-Disposition": 'attachment; filename="cases.zip"'}
+    return StreamingResponse(read_chunks(target), headers=headers, media_type="application/zip")
 
 
 @router.post("/import")
