@@ -1,5 +1,6 @@
 """Care of the library: its evaluation and review with edits, cases to simulate, cases carried in and out."""
 
+from contextlib import ExitStack
 from tempfile import TemporaryFile
 from typing import Annotated, Literal
 
@@ -7,6 +8,7 @@ from fastapi import APIRouter, Form, Request
 from fastapi.responses import Response, StreamingResponse
 from pydantic import Field
 from sqlalchemy import select
+from starlette.background import BackgroundTask
 
 from app.api.jobs import SimulationRequest, campaign_of
 from app.background_cache import Pending
@@ -160,11 +162,15 @@ def exchange(request: Request, principal: PageAdmin) -> Response:
 @router.get("/export.zip")
 def export(session: Reading, service: TheService, _: PageAdmin, label: str = "", origin: str = "") -> Response:
     """The cases wanted as one bundle."""
-    target = TemporaryFile(dir=service.settings.data_dir)  # noqa: SIM115 - without a name, so that a kill leaves nothing
-    export_cases(service.library, session, target, CaseFilter(label=label or None, origin=origin or None))
-    target.seek(0)
-    headers = {"Content-Disposition": 'attachment; filename="cases.zip"'}
-    return StreamingResponse(read_chunks(target), headers=headers, media_type="application/zip")
+    wanted = CaseFilter(label=label or None, origin=origin or None)
+    with ExitStack() as stack:
+        # it has no name: a kill leaves nothing
+        target = stack.enter_context(TemporaryFile(dir=service.settings.data_dir))
+        export_cases(service.library, session, target, wanted)
+        target.seek(0)
+        headers = {"Content-Disposition": 'attachment; filename="cases.zip"'}
+        done = BackgroundTask(stack.pop_all().close)
+    return StreamingResponse(read_chunks(target), headers=headers, media_type="application/zip", background=done)
 
 
 @router.post("/import")
