@@ -14,6 +14,7 @@ from threading import Lock
 from sqlalchemy.orm import Session
 
 from app.upkeep import Periodic
+from casebase.alarms.outbox import count_lost
 from casebase.alarms.rules import review, unsettled
 from casebase.gearbox_state import NamedFault, Standing, State, standing, standing_fault
 from casebase.gearboxes import History, Place, described, histories_of, signatures
@@ -149,6 +150,8 @@ def natural(name: str) -> list[tuple[int, str]]:
 
 def settle(library: CaseLibrary, fleet: Fleet) -> None:
     """Bring the alarms to what is known of the gearboxes, and put into the outbox what is to be told."""
+    with library.transaction(ACTOR) as session:
+        count_lost(session)
     with library.reading() as session:
         changed = fleet.changed(session)
         places = unsettled(session, fleet.in_service(session), changed)

@@ -8,14 +8,15 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 from app.report.words import VERDICTS, name_of, one_of
+from casebase.errors import InvalidRequestError
 from casebase.store.models import Delivery
 
 SCHEMA = "gearcase-alarm/1"
 DISCLAIMER = "This is an aid for people who maintain gearboxes, not a safety function."
 
 
-class DeliveryError(Exception):
-    """The receiver did not take a message; the text says why and holds no secret."""
+class DeliveryError(InvalidRequestError):
+    """A receiver did not take a message, or cannot take any; the text says why and holds no secret."""
 
 
 class RefusedError(DeliveryError):
@@ -70,7 +71,10 @@ def message_of(delivery: Delivery, zone: str, public_url: str | None) -> Message
         public_url: where the pages are; there is no link where None.
     """
     facts: dict[str, Any] = dict(delivery.message)
-    subject, lines = _WORDS[facts["kind"]](facts, zone)
+    try:
+        subject, lines = _WORDS[facts["kind"]](facts, zone)
+    except (KeyError, TypeError, ValueError):  # of another version: an alarm without a sentence is still an alarm
+        subject, lines = "A message that this version cannot put into words", (json.dumps(facts),)
     if public_url and facts.get("diagnosis_id"):
         facts["link"] = f"{public_url.rstrip('/')}/diagnoses/{facts['diagnosis_id']}"
         lines = (*lines, f"Open {facts['link']}")

@@ -6,19 +6,19 @@ E-mail by SMTP. Topics of an MQTT broker, at quality of service 2: exactly once 
 Standard Webhooks 1.0 says, to public addresses unless a network is allowed.
 """
 
+import asyncio
 import base64
 import hashlib
 import hmac
-import ipaddress
 import logging
 import smtplib
 import socket
 import ssl
-from contextlib import suppress
+from contextlib import closing, suppress
 from datetime import UTC, datetime, time, timedelta
 from email.message import EmailMessage
 from email.utils import format_datetime
-from urllib.parse import unquote, urlsplit
+from threading import Timer
 from zoneinfo import ZoneInfo
 
 import httpx
@@ -28,74 +28,78 @@ from paho.mqtt.enums import CallbackAPIVersion
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
+from app.alarms.addresses import allowed_address, broker, mail_server, webhook_url
 from app.alarms.message import DeliveryError, Message, RefusedError, message_of
 from app.jobs.job import JobKind, Json
 from app.settings import Settings, settings_of
 from casebase.alarms import outbox
 from casebase.alarms.outbox import SECRET_PREFIX
 from casebase.library import CaseLibrary
-from casebase.store.models import AlarmReceiver, Delivery, now
+from casebase.store.models import AlarmReceiver, Delivery, StoredJob, now
 
 MAIL_TIMEOUT_S = 20.0
-MAIL_PORTS = {"smtp": 25, "smtp+starttls": 587, "smtps": 465}
 MQTT_TIMEOUT_S = 15.0
 EXACTLY_ONCE = 2
-MQTT_PORTS = {"mqtt": 1883, "mqtts": 8883}
 WEBHOOK_TIMEOUT_S = 10.0
 GONE = 410
-NAT64 = ipaddress.ip_network("64:ff9b::/96")
-"""Behind these addresses of IPv6 are those of IPv4 (RFC 6052)."""
-Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 
 logging.getLogger("httpx").setLevel(logging.WARNING)  # it would log addresses, which may hold what nobody is to see
+
+
+class Mail(smtplib.SMTP):
+    """A connection to a mail server; each answer has a time in all, however slowly it comes."""
+
+    def getreply(self) -> tuple[int, bytes]:
+        """Read an answer; one that does not come at all fails before."""
+        assert self.sock is not None
+        end = Timer(2 * MAIL_TIMEOUT_S, self.sock.shutdown, (socket.SHUT_RDWR,))
+        end.start()
+        try:
+            return super().getreply()
+        finally:
+            end.cancel()
+
+
+class EncryptedMail(Mail, smtplib.SMTP_SSL):
+    """One that is encrypted from the start."""
 
 
 def send_email(settings: Settings, address: str, message: Message) -> None:
     """Send a message to one address; the server knows it by its Message-ID where it comes twice.
 
     Raises:
-        RefusedError: if the server refuses it for good (5xx; RFC 5321, 4.2.1).
-        DeliveryError: if the server cannot be reached or does not take it now.
+        RefusedError: if the server refuses recipient or message for good (5xx; RFC 5321, 4.2.1).
+        DeliveryError: if the server cannot be reached, does not let us in or does not take it now.
     """
-    if settings.smtp_url is None:
-        raise DeliveryError("no mail server is set: GEARCASE_SMTP_URL")
-    parts = urlsplit(settings.smtp_url.get_secret_value())
-    if parts.scheme not in MAIL_PORTS or not parts.hostname:
-        raise DeliveryError("GEARCASE_SMTP_URL begins with smtp+starttls://, smtps:// or smtp:// and names a host")
-    host, port = parts.hostname, parts.port or MAIL_PORTS[parts.scheme]
-    try:
-        with _connected(parts.scheme, host, port) as server:
-            if parts.username:
-                server.login(unquote(parts.username), unquote(parts.password or ""))
-            server.send_message(email_of(settings.mail_from, address, message))
-    except smtplib.SMTPRecipientsRefused as error:
-        code, words = next(iter(error.recipients.values()))
-        raise _refusal(code, words) from None
-    except smtplib.SMTPResponseException as error:
-        raise _refusal(error.smtp_code, error.smtp_error) from None
-    except (smtplib.SMTPException, OSError, ValueError) as error:
-        raise DeliveryError(f"the mail server {host}:{port} did not take it: {error}") from None
-
-
-def _connected(scheme: str, host: str, port: int) -> smtplib.SMTP:
+    scheme, host, port, user, password = mail_server(settings)
+    email = email_of(settings.mail_from, address, message)
     context = ssl.create_default_context()
-    if scheme == "smtps":
-        return smtplib.SMTP_SSL(host, port, timeout=MAIL_TIMEOUT_S, context=context)
-    server = smtplib.SMTP(host, port, timeout=MAIL_TIMEOUT_S)
-    if scheme == "smtp+starttls":
-        try:
-            server.starttls(context=context)
-        except BaseException:
-            with suppress(smtplib.SMTPException, OSError):
-                server.close()
-            raise
-    return server
+    try:
+        with closing(
+            EncryptedMail(host, port, timeout=MAIL_TIMEOUT_S, context=context)
+            if scheme == "smtps"
+            else Mail(host, port, timeout=MAIL_TIMEOUT_S)
+        ) as smtp:
+            if scheme == "smtp+starttls":
+                smtp.starttls(context=context)
+            if user:
+                smtp.login(user, password)
+            smtp.send_message(email)
+            with suppress(OSError):
+                smtp.quit()  # it has the message, whatever it answers now
+    except smtplib.SMTPRecipientsRefused as error:
+        raise _refusal(*next(iter(error.recipients.values())), RefusedError) from None
+    except smtplib.SMTPResponseException as error:
+        kind = RefusedError if isinstance(error, smtplib.SMTPDataError) else DeliveryError
+        raise _refusal(error.smtp_code, error.smtp_error, kind) from None
+    except (OSError, ValueError) as error:  # one of Unicode would show a letter of the password
+        why = "user and password may have letters of ASCII alone" if isinstance(error, UnicodeError) else error
+        raise DeliveryError(f"the mail server {host}:{port} of GEARCASE_SMTP_URL did not take it: {why}") from None
 
 
-def _refusal(code: int, words: bytes | str) -> DeliveryError:
+def _refusal(code: int, words: bytes | str, kind: type[DeliveryError]) -> DeliveryError:
     told = words.decode("utf-8", "replace") if isinstance(words, bytes) else words
-    kind = RefusedError if code >= 500 else DeliveryError
-    return kind(f"the mail server answered {code} {told}")
+    return (kind if code >= 500 else DeliveryError)(f"the mail server answered {code} {told}")
 
 
 def email_of(sender: str, address: str, message: Message) -> EmailMessage:
@@ -116,16 +120,12 @@ def publish(settings: Settings, topic: str, message: Message) -> None:
     Raises:
         DeliveryError: if the broker cannot be reached or does not take it in time.
     """
-    if settings.mqtt_url is None:
-        raise DeliveryError("no MQTT broker is set: GEARCASE_MQTT_URL")
-    parts = urlsplit(settings.mqtt_url.get_secret_value())
-    if parts.scheme not in MQTT_PORTS or not parts.hostname:
-        raise DeliveryError("GEARCASE_MQTT_URL begins with mqtts:// or mqtt:// and names a host")
+    scheme, host, port, user, password = broker(settings)
     client = Client(CallbackAPIVersion.VERSION2, client_id=f"gearcase-{message.id}")
     client.connect_timeout = MQTT_TIMEOUT_S
-    if parts.username:
-        client.username_pw_set(unquote(parts.username), unquote(parts.password or ""))
-    if parts.scheme == "mqtts":
+    if user:
+        client.username_pw_set(user, password)
+    if scheme == "mqtts":
         client.tls_set_context(ssl.create_default_context())
     answers: list[str] = []
 
@@ -136,19 +136,20 @@ def publish(settings: Settings, topic: str, message: Message) -> None:
             answers.append(str(reason))
 
     client.on_connect = connected
-    where = f"the MQTT broker {parts.hostname}:{parts.port or MQTT_PORTS[parts.scheme]}"
     try:
-        client.connect(parts.hostname, parts.port or MQTT_PORTS[parts.scheme])
+        client.connect(host, port)
         client.loop_start()
         published = client.publish(topic, message.json, qos=EXACTLY_ONCE)
         published.wait_for_publish(MQTT_TIMEOUT_S)
-        if not published.is_published():
-            raise DeliveryError(f"{where} did not take it: {answers[0] if answers else 'no answer in time'}")
+        failure = None if published.is_published() else "no answer in time"
     except (OSError, ValueError, RuntimeError) as error:
-        raise DeliveryError(f"{where} did not take it: {error}") from None
+        failure = str(error)
     finally:
         client.disconnect()
         client.loop_stop()
+    if failure is not None:
+        why = answers[0] if answers else failure
+        raise DeliveryError(f"the MQTT broker {host}:{port} did not take it: {why}")
 
 
 def post_webhook(url: str, secret: str, networks: str, message: Message) -> None:
@@ -161,30 +162,41 @@ def post_webhook(url: str, secret: str, networks: str, message: Message) -> None
         RefusedError: if the receiver answers 410: it wants no more.
         DeliveryError: if it cannot be reached, may not be reached, or does not answer 2xx.
     """
-    target = httpx.URL(url)
-    address = allowed_address(target.host, target.port or (443 if target.scheme == "https" else 80), networks)
+    target = webhook_url(url)
+    address = allowed_address(target, networks)
     content = message.json
     headers = signed(secret, message.id, int(now().timestamp()), content)
     headers |= {"Content-Type": "application/json", "Host": target.netloc.decode("ascii"), "User-Agent": "gearcase"}
     try:
-        with (
-            httpx.Client(trust_env=False, follow_redirects=False, timeout=WEBHOOK_TIMEOUT_S) as client,
-            client.stream(
-                "POST",
-                target.copy_with(host=address),
-                content=content,
-                headers=headers,
-                extensions={"sni_hostname": target.host},
-            ) as answer,
-        ):
-            status = answer.status_code
+        status = asyncio.run(_status_of(target, address, content, headers))
+    except TimeoutError:
+        raise DeliveryError("the webhook did not answer in time") from None
     except httpx.HTTPError as error:
-        raise DeliveryError(f"the webhook did not answer: {error or type(error).__name__}") from None
+        cause: BaseException = error
+        while earlier := cause.__cause__ or cause.__context__:  # the first one has the words
+            cause = earlier
+        raise DeliveryError(f"the webhook did not answer: {str(cause) or type(cause).__name__}") from None
     if status == GONE:
         raise RefusedError("the webhook answered 410: it wants no more messages")
     if not 200 <= status < 300:
         redirect = "; redirects are not followed, give the address that it leads to" if 300 <= status < 400 else ""
         raise DeliveryError(f"the webhook answered {status}{redirect}")
+
+
+async def _status_of(target: httpx.URL, address: str, content: bytes, headers: dict[str, str]) -> int:
+    """Return the status of the answer; in all it has a time, however slowly its head comes."""
+    async with (
+        asyncio.timeout(WEBHOOK_TIMEOUT_S),
+        httpx.AsyncClient(trust_env=False, follow_redirects=False, timeout=None) as client,  # noqa: S113
+        client.stream(
+            "POST",
+            target.copy_with(host=address),
+            content=content,
+            headers=headers,
+            extensions={"sni_hostname": target.raw_host.decode("ascii")},
+        ) as answer,
+    ):
+        return answer.status_code
 
 
 def signed(secret: str, message_id: str, timestamp_s: int, content: bytes) -> dict[str, str]:
@@ -201,45 +213,6 @@ def signed(secret: str, message_id: str, timestamp_s: int, content: bytes) -> di
     }
 
 
-def allowed_address(host: str, port: int, networks: str) -> str:
-    """Return the address to connect to: the first of a host all of whose addresses may be reached.
-
-    Raises:
-        DeliveryError: if the host has no address, or one that is neither public nor allowed.
-    """
-    try:
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    except (OSError, UnicodeError) as error:
-        raise DeliveryError(f"the host {host!r} has no address: {error}") from None
-    addresses = [str(each[4][0]).partition("%")[0] for each in found]
-    allowed = [ipaddress.ip_network(each.strip()) for each in networks.split(",") if each.strip()]
-    for address in addresses:
-        ip = ipaddress.ip_address(address)
-        if not (is_public(ip) or any(ip in network for network in allowed)):
-            raise DeliveryError(
-                f"{host!r} is at {address}, which is not public; GEARCASE_WEBHOOK_NETWORKS can allow its network"
-            )
-    return addresses[0]
-
-
-def is_public(ip: Address) -> bool:
-    """Whether an address, and the one of IPv4 that it may stand for, is one of the public internet.
-
-    >>> [is_public(ipaddress.ip_address(each)) for each in ("1.1.1.1", "10.0.0.1", "::ffff:127.0.0.1")]
-    [True, False, False]
-    """
-    inner: list[Address | None] = [ip]
-    if isinstance(ip, ipaddress.IPv6Address):
-        inner += [ip.ipv4_mapped, ip.sixtofour, ip.teredo and ip.teredo[1]]
-        inner += [ipaddress.IPv4Address(int(ip) & 0xFFFFFFFF) if ip in NAT64 else None]
-    return all(each is None or (each.is_global and not each.is_multicast) for each in inner)
-
-
-ACTOR = "alarms"
-RETRIES = tuple(
-    timedelta(seconds=each) for each in (5, 300, 1800, 2 * 3600, 5 * 3600, 10 * 3600, 14 * 3600, 20 * 3600, 24 * 3600)
-)
-"""How long after each failed attempt the next one is made. Source: Standard Webhooks 1.0, which recommends these."""
 LOG = structlog.get_logger(__name__)
 
 
@@ -255,34 +228,35 @@ def deliveries(library: CaseLibrary) -> JobKind:
 
 def attempt(library: CaseLibrary, settings: Settings, delivery_id: str, job_id: str) -> str:
     """Make one attempt at a message, unless another job is to; return the state of the delivery."""
-    with library.transaction(ACTOR) as session:  # which a worker whose lease has ended cannot close: it sends nothing
+    # a worker whose lease has ended cannot close the first transaction: it sends nothing
+    with library.transaction(outbox.ACTOR) as session:
         delivery = session.get(Delivery, delivery_id)
         if delivery is None or delivery.state != "waiting" or delivery.job_id != job_id:
             return "not ours" if delivery is None else delivery.state
         receiver = session.get(AlarmReceiver, delivery.receiver_id)
         if receiver is None:
-            outbox.failed(session, delivery, "the receiver was removed", None)
+            outbox.failed(session, delivery, "the receiver was removed", final=True)
             return delivery.state
         until = quiet_until(receiver, now(), settings.time_zone)
-        if until is not None and delivery.message.get("kind") != "test":
+        asked_for = session.get_one(StoredJob, job_id).submitted_by != outbox.ACTOR
+        if until is not None and not asked_for and delivery.message.get("kind") != "test":
             outbox.order(session, delivery, until)
             return delivery.state
-        message = message_of(delivery, settings.time_zone, settings.public_url)
         secret = receiver.secret or ""
     failure: DeliveryError | None = None
     try:
-        _send(settings, receiver, secret, message)
-    except DeliveryError as error:
-        failure = error
-        LOG.warning("a message was not delivered", delivery=delivery_id, receiver=receiver.name, error=str(error))
-    with library.transaction(ACTOR) as session:
+        _send(settings, receiver, secret, message_of(delivery, settings.time_zone, settings.public_url))
+    except Exception as error:  # whatever it is: a message that failed is not to wait without a word
+        unforeseen = f"Gearcase failed: {type(error).__name__}; the trace is in the log of the worker"
+        failure = error if isinstance(error, DeliveryError) else DeliveryError(unforeseen)
+        about = {"delivery": delivery_id, "receiver": receiver.name, "error": str(failure)}
+        LOG.warning("a message was not delivered", **about, exc_info=failure is not error)
+    with library.transaction(outbox.ACTOR) as session:
         delivery = session.get_one(Delivery, delivery_id, with_for_update=True)
         if failure is None:
             outbox.sent(delivery)
         elif delivery.job_id == job_id:
-            left = RETRIES[delivery.attempts : delivery.attempts + 1]
-            again_at = now() + left[0] if left and not isinstance(failure, RefusedError) else None
-            outbox.failed(session, delivery, str(failure), again_at)
+            outbox.failed(session, delivery, str(failure), final=isinstance(failure, RefusedError))
         return delivery.state
 
 

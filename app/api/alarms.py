@@ -6,6 +6,7 @@ from fastapi import APIRouter, Query, Request, Response, status
 from pydantic import Field, StringConstraints
 from sqlalchemy.orm import Session
 
+from app.alarms.addresses import check_receiver
 from app.documents import Answer, Cursor, Identifier, Instant, Limit, PageOf, Question, page_of
 from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Admin
@@ -112,8 +113,11 @@ def list_receivers(_: Admin, session: Reading) -> list[ReceiverAnswer]:
 
 
 @router.post("/receivers", status_code=status.HTTP_201_CREATED, response_model=NewReceiver)
-def create_receiver(_: Admin, body: ReceiverRequest, once: OnlyOnce) -> Response:
+def create_receiver(_: Admin, service: TheService, body: ReceiverRequest, once: OnlyOnce) -> Response:
     """Make a receiver. The secret of a webhook is in this answer and nowhere else."""
+    if (kept := once.replay(body.model_dump())) is not None:
+        return kept
+    check_receiver(service.settings, body.kind, body.address)  # in no transaction: it asks for names of hosts
 
     def work(session: Session) -> Made:
         row = outbox.add_receiver(session, body.name, body.kind, body.address, body.quiet)
@@ -176,6 +180,6 @@ def list_deliveries(
 
 @router.post("/deliveries/{delivery_id}/retry", status_code=status.HTTP_202_ACCEPTED)
 def retry_delivery(admin: Admin, service: TheService, request: Request, delivery_id: Identifier) -> DeliveryAnswer:
-    """Send a message again that was given up."""
+    """Send a message now that was given up or waits for a later attempt; it has ten attempts again."""
     with service.library.transaction(admin.actor, request.scope["request_id"]) as session:
-        return DeliveryAnswer.model_validate(outbox.send_again(session, delivery_id))
+        return DeliveryAnswer.model_validate(outbox.send_now(session, delivery_id))

@@ -25,6 +25,7 @@ from typing import Any
 
 import httpx
 import structlog
+from pydantic import SecretStr
 
 from app.http.middleware import Metrics
 from app.http.security import COOKIE, ConcurrencyLimiter, csrf_token
@@ -59,7 +60,7 @@ class Ground:
 
     def settings(self, data_dir: Path) -> Settings:
         url = None if self.server is None else self.server.replace("/postgres?", f"/{data_dir.name}?")
-        return Settings(data_dir=data_dir, database_url=url)
+        return Settings(data_dir=data_dir, database_url=url, mqtt_url=SecretStr("mqtt://127.0.0.1:9"))
 
     @contextmanager
     def copy(self, number: int) -> Iterator[Settings]:

@@ -19,7 +19,8 @@ from app.http.sessions import open_session
 from app.jobs.job import Job, JobNotFoundError, Progress
 from app.main import create_app
 from app.service import Service
-from app.settings import settings_of
+from app.settings import Settings
+from benchmarks.harness.live import NO_MAIL_SERVER
 from casebase.store.models import new_id, now
 from casebase.store.pagination import Page
 
@@ -68,11 +69,9 @@ class Inside:
 
 
 @contextmanager
-def inside(data_dir: Path, database_url: str | None = None) -> Iterator[Inside]:
-    """Open the service of a data directory in this process."""
-    settings = settings_of(data_dir)
-    if database_url is not None:
-        settings = settings.model_copy(update={"database_url": database_url})
+def inside(data_dir: Path, database_url: str | None = None, **given: str | None) -> Iterator[Inside]:
+    """Open the service of a data directory in this process, with these settings."""
+    settings = Settings(data_dir=data_dir, **{"database_url": database_url, "smtp_url": NO_MAIL_SERVER, **given})
     service = Service.open(settings, Metrics())
     with service.library.transaction("test") as session:
         row, key = create_key(session, name="test", role=Role.ADMIN)

@@ -19,6 +19,8 @@ from app.http.security import COOKIE
 
 ROLES = ("viewer", "operator", "admin")
 START_S = 60.0
+NO_MAIL_SERVER = "smtp://127.0.0.1:9"
+"""Where nobody listens: receivers of e-mail can be made, and no message leaves."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +152,7 @@ def sign_in(browser: httpx.Client, key: str, path: str = "/") -> httpx.Response:
 def started(data_dir: Path, *, worker: bool = False, **environment: str) -> LiveServer:
     """Start a service over a data directory that has no key yet and make a key of each role."""
     data_dir.mkdir(parents=True, exist_ok=True)
-    server = LiveServer(data_dir, environment, worker=worker)
+    server = LiveServer(data_dir, {"GEARCASE_SMTP_URL": NO_MAIL_SERVER, **environment}, worker=worker)
     server.start()
     admin = next(line.split()[-1] for line in server.printed if line.startswith("Admin key"))
     server.keys["admin"] = admin

@@ -8,7 +8,7 @@ import base64
 import re
 import secrets
 from collections.abc import Mapping, Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from urllib.parse import urlsplit
 
 from sqlalchemy import select
@@ -23,8 +23,12 @@ from casebase.store.pagination import Page, page
 KIND = "deliveries"
 """Of the jobs that send."""
 SECRET_PREFIX = "whsec_"  # noqa: S105 - how secrets of Standard Webhooks begin
+ACTOR = "alarms"
 CLOCK = re.compile(r"(?:[01]\d|2[0-3]):[0-5]\d")
-EMAIL = re.compile(r"[^@\s<>,;:\"()\[\]]{1,64}@[A-Za-z0-9.-]{1,185}")
+RETRIES = tuple(
+    timedelta(seconds=each) for each in (5, 300, 1800, 2 * 3600, 5 * 3600, 10 * 3600, 14 * 3600, 20 * 3600, 24 * 3600)
+)
+"""How long after each failed attempt the next one is made. Source: Standard Webhooks 1.0, which recommends these."""
 
 
 def add_receiver(
@@ -33,14 +37,13 @@ def add_receiver(
     """Make a receiver; a webhook gets a secret, which is in the row's `secret` and shown to nobody later.
 
     Args:
-        address: an e-mail address, the URL of a webhook, or an MQTT topic.
+        address: an e-mail address, the URL of a webhook, or an MQTT topic, as `app.alarms.addresses` allows it.
         quiet: from and to, HH:MM in the time of the site.
 
     Raises:
-        InvalidRequestError: if the address is not one of its kind, or the hours are none.
+        InvalidRequestError: if there is no such kind, or the hours are none.
     """
     check_choice("kind", kind, RECEIVER_KINDS)
-    _check_address(kind, address)
     if quiet is not None and (not all(CLOCK.fullmatch(each) for each in quiet) or quiet[0] == quiet[1]):
         raise InvalidRequestError("quiet hours are two different times such as 22:00 and 06:00")
     secret = SECRET_PREFIX + base64.b64encode(secrets.token_bytes(32)).decode() if kind == "webhook" else None
@@ -59,21 +62,6 @@ def add_receiver(
     shown = {"name": name, "kind": kind, "address": shown_address(row)}
     audit.record(session, "receiver.created", ("receiver", row.id), after=shown)
     return row
-
-
-def _check_address(kind: str, address: str) -> None:
-    if kind == "email" and not EMAIL.fullmatch(address):
-        raise InvalidRequestError(f"an e-mail address is one such as team@example.com, got {address[:60]!r}")
-    if kind == "mqtt" and (re.search(r"[+#\x00-\x1f]", address) or not 0 < len(address.encode()) <= 1000):
-        raise InvalidRequestError("an MQTT topic to publish to has no '+', '#' and control characters")
-    if kind == "webhook":
-        try:
-            parts = urlsplit(address)
-            fits = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
-        except ValueError:
-            fits = False
-        if not fits or parts.username is not None or not re.fullmatch(r"[\x21-\x7e]{1,2000}", address):
-            raise InvalidRequestError("a webhook is an address such as https://example.com/alarms, without a password")
 
 
 def shown_address(receiver: AlarmReceiver) -> str:
@@ -130,31 +118,40 @@ def post_test(session: Session, receiver_id: str) -> Delivery:
     return post(session, [receiver.id], {"kind": "test", "asked_by": audit.actor_of(session)})[0]
 
 
-def order(session: Session, delivery: Delivery, not_before: datetime | None = None) -> None:
+def order(session: Session, delivery: Delivery, not_before: datetime | None = None, by: str = ACTOR) -> None:
     """Order the job that makes the next attempt; a job that was ordered before may not any more."""
-    job = StoredJob(id=new_id(), kind=KIND, submitted_by="alarms", not_before=not_before, steps=[JobStep()])
+    job = StoredJob(id=new_id(), kind=KIND, submitted_by=by, not_before=not_before, steps=[JobStep()])
     job.parameters = {"delivery": delivery.id, "job": job.id}
     session.add(job)
     delivery.state, delivery.job_id, delivery.next_at = "waiting", job.id, not_before
 
 
-def send_again(session: Session, delivery_id: str) -> Delivery:
-    """Order another attempt of what was given up, or whose job somebody cancelled.
+def send_now(session: Session, delivery_id: str) -> Delivery:
+    """Begin anew with what was given up or waits for a later attempt, quiet hours or not.
 
     Raises:
         NotFoundError: if there is no such delivery.
-        ConflictError: if it was sent, or is still to be sent.
+        ConflictError: if it was sent, or is being sent.
     """
     row = session.get(Delivery, delivery_id, with_for_update=True)
     if row is None:
         raise NotFoundError(f"no delivery has the id {delivery_id!r}")
     job = None if row.job_id is None else session.get(StoredJob, row.job_id)
-    waits = row.state == "waiting" and job is not None and job.finished_at is None
-    if row.state == "sent" or waits:
-        raise ConflictError("this message was sent" if row.state == "sent" else "this message is waiting to be sent")
-    order(session, row)
+    due = row.state == "waiting" and (row.next_at is None or row.next_at <= now())
+    if row.state == "sent" or (due and job is not None and job.finished_at is None):
+        raise ConflictError("this message was sent" if row.state == "sent" else "this message is being sent")
+    row.attempts = 0
+    order(session, row, by=audit.actor_of(session))
     session.flush()
     return row
+
+
+def count_lost(session: Session) -> None:
+    """Count an attempt where a job ended without one; given up if somebody cancelled it."""
+    jobs = select(Delivery, StoredJob.state).join(StoredJob, StoredJob.id == Delivery.job_id)
+    ended = jobs.where(Delivery.state == "waiting", StoredJob.finished_at.is_not(None))
+    for row, state in session.execute(ended.with_for_update(of=Delivery)):
+        failed(session, row, f"the job that was to send it is {state}", final=state == "cancelled")
 
 
 def list_deliveries(
@@ -174,10 +171,11 @@ def sent(delivery: Delivery) -> None:
     delivery.error = delivery.next_at = None
 
 
-def failed(session: Session, delivery: Delivery, reason: str, again_at: datetime | None) -> None:
-    """Note that an attempt failed, and order the next one; given up where there is none."""
+def failed(session: Session, delivery: Delivery, reason: str, *, final: bool = False) -> None:
+    """Note that an attempt failed, and order the next one; given up where there is none, or this is to be the last."""
+    left = () if final else RETRIES[delivery.attempts : delivery.attempts + 1]
     delivery.attempts += 1
-    delivery.error = reason[:500]
+    delivery.error = "".join(each if each.isprintable() else " " for each in reason)[:500]  # not all can be stored
     delivery.state, delivery.next_at = "failed", None
-    if again_at is not None:
-        order(session, delivery, again_at)
+    if left:
+        order(session, delivery, now() + left[0])

@@ -13,6 +13,7 @@ from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import Response
 from sqlalchemy.orm import Session
 
+from app.alarms.addresses import check_receiver
 from app.alarms.message import message_of
 from app.api.alarms import ReceiverRequest, RuleRequest
 from app.documents import KeyRequest
@@ -50,7 +51,7 @@ CHANGES: dict[tuple[str, str], tuple[Callable[[Session, str], object], str]] = {
     ("receivers", "test"): (outbox.post_test, "#outbox"),
     ("receivers", "remove"): (outbox.remove_receiver, ""),
     ("rules", "remove"): (rules.remove_rule, ""),
-    ("deliveries", "retry"): (outbox.send_again, "#outbox"),
+    ("deliveries", "retry"): (outbox.send_now, "#outbox"),
 }
 """What is done to one row of the page, by what it is and what its button says: with it, and where it leads."""
 OptionalText = Annotated[str, Form()]
@@ -195,6 +196,7 @@ def create_receiver(
     """Make a receiver; the secret of a webhook is shown this once."""
     given = {"name": name, "kind": kind, "address": address.strip(), "quiet_from": quiet_from, "quiet_to": quiet_to}
     asked = checked_form(ReceiverRequest, given)
+    check_receiver(service.settings, asked.kind, asked.address)
     with service.library.transaction(principal.actor) as session:
         row = outbox.add_receiver(session, asked.name, asked.kind, asked.address, asked.quiet)
         secret = row.secret
@@ -246,7 +248,7 @@ def create_rule(
 
 @alarms.post("/{noun}/{identity}/{verb}", dependencies=[FromOurPage])
 def change_alarms(service: TheService, principal: PageAdmin, noun: str, identity: str, verb: str) -> Response:
-    """Send a test to a receiver or what was given up again; remove a receiver that no rule names, or a rule."""
+    """Send a test to a receiver, or a message now; remove a receiver that no rule names, or a rule."""
     done = CHANGES.get((noun, verb))
     if done is None:
         raise NotFound(f"Nothing is called {verb!r} of {noun}.")

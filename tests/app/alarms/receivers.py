@@ -2,15 +2,17 @@
 
 import shutil
 import socket
+import struct
 import subprocess
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from email import message_from_bytes
 from email.message import Message
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from socketserver import BaseRequestHandler, ThreadingTCPServer
 from threading import Event, Thread
 from typing import Any
 
@@ -111,6 +113,64 @@ def webhook() -> Iterator[Hook]:
     server.shutdown()
     thread.join()
     server.server_close()
+
+
+Talk = Callable[[socket.socket], object]
+
+
+@contextmanager
+def server(talk: Talk) -> Iterator[int]:
+    """A server that does this with each connection; its port."""
+
+    class Handler(BaseRequestHandler):
+        def handle(self) -> None:
+            with suppress(OSError):
+                talk(self.request)
+
+    made = ThreadingTCPServer(("127.0.0.1", 0), Handler)
+    made.daemon_threads, made.block_on_close = True, False
+    thread = Thread(target=made.serve_forever, args=(0.01,), daemon=True)
+    thread.start()
+    yield made.server_address[1]
+    made.shutdown()
+    thread.join()
+    made.server_close()
+
+
+def silence(connection: socket.socket) -> None:
+    while connection.recv(2**16):
+        pass
+
+
+def reset(connection: socket.socket) -> None:
+    connection.recv(2**16)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    connection.close()
+
+
+def says(answer: bytes) -> Talk:
+    return lambda connection: connection.recv(2**16) and connection.sendall(answer)
+
+
+def endless(begin: bytes, piece: bytes) -> Talk:
+    def talk(connection: socket.socket) -> None:
+        connection.sendall(begin)
+        while True:
+            connection.sendall(piece)
+            time.sleep(0.02)
+
+    return talk
+
+
+def mail(**answers: bytes) -> Talk:
+    """A mail server that answers 250 to all other words."""
+
+    def talk(connection: socket.socket) -> None:
+        connection.sendall(b"220 here\r\n")
+        for line in connection.makefile("rb"):
+            connection.sendall(answers.get(line[:4].decode().upper(), b"250 yes") + b"\r\n")
+
+    return talk
 
 
 @dataclass

@@ -65,7 +65,7 @@ def test_from_a_receiver_to_a_message(service: Inside) -> None:
 @pytest.mark.parametrize(
     ("path", "data", "words"),
     [
-        ("receivers", {"name": "a", "kind": "mqtt", "address": "a", "quiet_from": "22:00"}, "quiet hours are two"),
+        ("receivers", {"name": "a", "kind": "email", "address": "a@b", "quiet_from": "22:00"}, "quiet hours are two"),
         ("rules", {"name": "a", "kind": "state"}, "Say who is told"),
         ("rules", {"name": "a", "kind": "state", "receivers": "0" * 32}, "receivers that are there"),
         ("rules", {"name": "a", "kind": "state", "receivers": "0" * 32, "least_probability": "x"}, "must be a number"),

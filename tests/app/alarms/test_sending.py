@@ -1,22 +1,21 @@
 """One attempt at a message: what is held, refused, tried again and given up, with real receivers on this machine."""
 
-import ipaddress
-import smtplib
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 from sqlalchemy import select
 
-from app.alarms.sending import RETRIES, attempt, is_public, quiet_until
+from app.alarms.sending import attempt, quiet_until
 from app.fleet import Fleet, settle
 from app.settings import Settings
 from casebase.alarms import outbox
 from casebase.library import CaseLibrary
 from casebase.store.database import create_engine_for
-from casebase.store.models import AlarmReceiver, AuditEntry, Delivery, StoredJob, now
-from tests.app.alarms.receivers import Hook, Mailbox, free_port, mail_server, webhook
+from casebase.store.models import AlarmReceiver, AuditEntry, Delivery, now
+from tests.app.alarms.receivers import Mailbox, mail_server, webhook
 from tests.casebase.alarms.test_rules import diagnosed, ruled
 
 
@@ -43,31 +42,16 @@ def trying(library: CaseLibrary) -> Trying:
                 message["heard_at"] = now().isoformat()
                 (delivery,) = outbox.post(session, [receiver.id], message)
             assert delivery.job_id is not None
-        attempt(library, Settings(**settings), delivery.id, delivery.job_id)  # type: ignore[arg-type]
+        with ThreadPoolExecutor(1) as apart:  # a browser test before may have left its loop running in this thread
+            apart.submit(attempt, library, Settings(**settings), delivery.id, delivery.job_id).result()  # type: ignore[arg-type]
         with library.reading() as session:
             return session.get_one(Delivery, delivery.id)
 
     return try_once
 
 
-def mail(box: Mailbox) -> dict[str, object]:
+def of(box: Mailbox) -> dict[str, object]:
     return {"smtp_url": f"smtp://127.0.0.1:{box.port}", "mail_from": "gearcase@example.com"}
-
-
-def test_what_fails_is_tried_again_and_given_up_at_last(trying: Trying, library: CaseLibrary) -> None:
-    settings = {"smtp_url": f"smtp://user:pass-word@127.0.0.1:{free_port()}"}
-    for number, delay in enumerate(RETRIES, 1):
-        before = now()
-        found = trying("email", "team@example.com", **settings)
-        assert (found.state, found.attempts) == ("waiting", number)
-        assert found.next_at is not None
-        assert before + delay <= found.next_at <= now() + delay
-        with library.reading() as session:
-            assert session.get_one(StoredJob, found.job_id).not_before == found.next_at
-    found = trying("email", "team@example.com", **settings)
-    assert found.state == "failed"
-    assert "Connection refused" in str(found.error)
-    assert "pass-word" not in str(found.error)
 
 
 def test_a_job_that_was_overtaken_sends_nothing(library: CaseLibrary) -> None:
@@ -79,7 +63,7 @@ def test_a_job_that_was_overtaken_sends_nothing(library: CaseLibrary) -> None:
             first = str(delivery.job_id)
             outbox.order(session, delivery)
             second = str(delivery.job_id)
-        settings = Settings(**mail(box))  # type: ignore[arg-type]
+        settings = Settings(**of(box))  # type: ignore[arg-type]
         for job in (first, second, second, first):
             attempt(library, settings, delivery.id, job)
         assert len(box.taken) == 1
@@ -90,61 +74,19 @@ def test_mail_that_is_refused_for_good_is_not_sent_again(trying: Trying) -> None
     with mail_server() as box:
         box.go_on.set()
         box.answer = "550 no such mailbox"
-        found = trying("email", "team@example.com", **mail(box))
+        found = trying("email", "team@example.com", **of(box))
     assert (found.state, found.attempts) == ("failed", 1)
     assert found.error == "the mail server answered 550 no such mailbox"
 
 
-def test_a_mail_server_without_encryption_gets_no_message_that_asks_for_it(trying: Trying) -> None:
-    with mail_server() as box:
-        box.go_on.set()
-        found = trying("email", "team@example.com", smtp_url=f"smtp+starttls://127.0.0.1:{box.port}")
-        assert box.taken == []
-    assert found.state == "waiting"
-    assert "STARTTLS" in str(found.error)
-    assert smtplib.SMTPNotSupportedError.__name__ not in str(found.error)
-
-
-@pytest.mark.parametrize(
-    ("status", "state", "words"),
-    [
-        (200, "sent", ""),
-        (302, "waiting", "redirects are not followed"),
-        (500, "waiting", "500"),
-        (410, "failed", "410"),
-    ],
-)
-def test_what_a_webhook_answers(trying: Trying, status: int, state: str, words: str) -> None:
-    with webhook() as hook, webhook() as other:
-        for each in (hook, other):
-            each.go_on.set()
-        hook.status, hook.headers = status, {"Location": f"http://127.0.0.1:{other.port}/"}
-        found = trying("webhook", url(hook), webhook_networks="127.0.0.0/8")
-        assert len(hook.taken) == 1
-        assert other.taken == [], "a redirect would lead past the check of the address"
-    assert found.state == state
-    assert words in (found.error or "")
-
-
-def url(hook: Hook) -> str:
-    return f"http://127.0.0.1:{hook.port}/in?token=secret-path"
-
-
-@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "[::ffff:127.0.0.1]", "0.0.0.0", "169.254.169.254"])
-def test_addresses_that_are_not_public_are_not_reached(trying: Trying, host: str) -> None:
+@pytest.mark.parametrize(("status", "state"), [(200, "sent"), (410, "failed")])
+def test_what_a_webhook_answers_at_once_counts(trying: Trying, status: int, state: str) -> None:
     with webhook() as hook:
         hook.go_on.set()
-        found = trying("webhook", f"http://{host}:{hook.port}/secret-path")
-        assert hook.taken == []
-    assert "not public" in str(found.error)
-    assert "secret-path" not in str(found.error)
-
-
-def test_which_addresses_are_public() -> None:
-    inside = "10.0.0.1 172.16.0.1 192.168.1.1 127.0.0.1 169.254.1.1 0.0.0.0 100.64.0.1 224.0.0.1 ::1 fe80::1 fc00::1 "
-    inside += "::ffff:10.0.0.1 64:ff9b::a00:1 2002:a00:1::1 2001:0:1:1:1:1:f5ff:fffe"  # all four stand for 10.0.0.1
-    assert [each for each in inside.split() if is_public(ipaddress.ip_address(each))] == []
-    assert all(is_public(ipaddress.ip_address(each)) for each in ("1.1.1.1", "2606:4700::1111", "64:ff9b::101:101"))
+        hook.status = status
+        found = trying("webhook", f"http://127.0.0.1:{hook.port}/in", webhook_networks="127.0.0.0/8")
+        assert len(hook.taken) == 1
+    assert (found.state, found.attempts) == (state, 1)
 
 
 @pytest.mark.parametrize(
@@ -173,7 +115,7 @@ def test_a_message_waits_for_the_end_of_quiet_hours_and_a_test_does_not(library:
     around = (now() - timedelta(hours=2), now() + timedelta(hours=2))
     with mail_server() as box:
         box.go_on.set()
-        settings = Settings(**mail(box))  # type: ignore[arg-type]
+        settings = Settings(**of(box))  # type: ignore[arg-type]
         with library.transaction("test") as session:
             ruled(session)
             (receiver,) = outbox.list_receivers(session)
