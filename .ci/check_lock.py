@@ -36,9 +36,14 @@ def faults(lock: Path, extras: tuple[str, ...]) -> list[str]:
 
 
 def main() -> int:
-    """Check the lock file."""
-    found = faults(ROOT / "requirements.lock", ("logs", "record", "test"))
-    print("\n".join(found) or "requirements.lock is in step with pyproject.toml")
+    """Check the lock files: of what runs, and of what tests need beside it."""
+    runtime, tests = ROOT / "requirements.lock", ROOT / "requirements-test.lock"
+    found = faults(runtime, ("logs", "record")) + faults(tests, ("logs", "record", "test"))
+    apart = sorted(set(PINNED.findall(runtime.read_text())) - set(PINNED.findall(tests.read_text())))
+    found += [
+        f"{tests.name}: {name} is not {version}, as in {runtime.name}; run `make lock`" for name, version in apart
+    ]
+    print("\n".join(found) or "the lock files are in step with pyproject.toml")
     return 1 if found else 0
 
 

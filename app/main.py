@@ -87,6 +87,16 @@ def leave(_: Request, error: Exception) -> Response:
     raise error
 
 
+def attach(app: FastAPI, service: Service) -> None:
+    """Give the application what its requests are answered from, and the limits of what they may do at once."""
+    settings = service.settings
+    longest_wait_s, at_work = settings.longest_wait_s, settings.work_at_once
+    app.state.service = service
+    app.state.uploads = ConcurrencyLimiter(settings.uploads_at_once, settings.uploads_per_key, longest_wait_s)
+    app.state.at_work = ConcurrencyLimiter(at_work, at_work, longest_wait_s)
+    app.state.looking = ConcurrencyLimiter(settings.looks_at_once, settings.looks_per_key, longest_wait_s)
+
+
 def create_app(settings: Settings | None = None, service: Service | None = None) -> FastAPI:
     """Return the application. With a service that is already open, the caller closes it."""
     settings = settings or (service.settings if service else settings_of())
@@ -95,9 +105,7 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         running = service or Service.open(settings, metrics)
-        app.state.service = running
-        app.state.gate = ConcurrencyLimiter(settings.uploads_at_once, settings.uploads_per_key)
-        app.state.looking = ConcurrencyLimiter(settings.looks_at_once, settings.looks_per_key)
+        attach(app, running)
         warm_up()
         limits_of_all(app)
         running.upkeep.start()

@@ -47,7 +47,7 @@ class Service:
         """Open the library, made or upgraded where needed."""
         return cls(
             settings,
-            CaseLibrary.open(settings.data_dir, settings.database_url),
+            CaseLibrary.open(settings.data_dir, settings.database_url, longest_wait_s=settings.longest_wait_s),
             metrics,
         )
 

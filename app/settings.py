@@ -6,6 +6,7 @@ from functools import lru_cache
 from ipaddress import ip_network
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import urlsplit
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt, SecretStr
@@ -26,6 +27,22 @@ def known_networks(text: str) -> str:
     return text
 
 
+def whole_url(url: str) -> str:
+    """Refuse what only looks like a database URL: of a password that breaks it, part would be taken for the host."""
+    try:
+        parts = urlsplit(url)
+        whole = parts.scheme == "sqlite" or (url.count("@") == parts.netloc.count("@") <= 1 and (parts.port or 1) > 0)
+    except ValueError:
+        whole = False
+    if not whole:
+        raise ValueError(
+            "this is no database URL. In a password write @ : / ? # and % as %40 %3A %2F %3F %23 and %25, "
+            "or leave it out and set PGPASSWORD"
+        )
+    return url
+
+
+DatabaseUrl = Annotated[str, AfterValidator(whole_url)]
 Networks = Annotated[str, AfterValidator(known_networks)]
 ZoneName = Annotated[str, AfterValidator(known_zone)]
 MEBIBYTE = 1024 * 1024
@@ -34,10 +51,12 @@ MEBIBYTE = 1024 * 1024
 class Settings(BaseSettings):
     """One installation. `data_dir` holds everything that a local one owns."""
 
-    model_config = SettingsConfigDict(env_prefix="GEARCASE_", frozen=True, extra="ignore")
+    model_config = SettingsConfigDict(env_prefix="GEARCASE_", frozen=True, extra="ignore", hide_input_in_errors=True)
 
     data_dir: Path = Field(Path(".gearcase"), description="database, recordings and artifacts")
-    database_url: str | None = Field(None, description="SQLAlchemy URL; SQLite in the data directory where not given")
+    database_url: DatabaseUrl | None = Field(
+        None, description="SQLAlchemy URL; SQLite in the data directory where not given"
+    )
     time_zone: ZoneName = Field("UTC", description="of the site, IANA name: pages write times in it")
     root_path: str = Field("", description="path under which a proxy serves us, e.g. /gearcase")
     cookie_secure: bool = Field(
@@ -62,6 +81,12 @@ class Settings(BaseSettings):
     looks_per_key: PositiveInt = Field(1, description="pictures and reports of one key made at once; others wait")
     looks_at_once: PositiveInt = Field(
         max(1, (os.cpu_count() or 1) - 1), description="pictures and reports of all keys made at once; others wait"
+    )
+    work_at_once: PositiveInt = Field(
+        2 * (os.cpu_count() or 1), description="recordings and logs looked at at once; others wait"
+    )
+    longest_wait_s: PositiveFloat = Field(
+        2.5, description="of a request for others: until it may send, until it is looked at, until it may write"
     )
     page_items: PositiveInt = Field(200, description="items of a list's page, at most")
     failed_keys: str = Field("1000/minute", description="wrong keys from one address before 429")

@@ -9,7 +9,9 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 UNWRITABLE = (errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 DISK_FULL = "53100"
 """PostgreSQL's code of it."""
-PASSING = ("08", "57P", "25P03", "40")
+LOCKED = "55P03"
+"""And of who waited too long for others that write."""
+PASSING = ("08", "57P", "25P03", "40", LOCKED)
 """And of connections, of a server that stops, of who stood still in a transaction, of who came into another's way."""
 
 
@@ -32,7 +34,14 @@ def is_passing(error: DBAPIError) -> bool:
     state = getattr(error.orig, "sqlstate", "")
     if isinstance(error, OperationalError) and state is None:
         return True  # PostgreSQL was not reached at all
-    return str(state).startswith(PASSING) or "database is locked" in str(error.orig)
+    return str(state).startswith(PASSING) or is_contended(error)
+
+
+def is_contended(error: BaseException) -> bool:
+    """Whether others wrote for so long that it gave up."""
+    if not isinstance(error, OperationalError):
+        return False
+    return getattr(error.orig, "sqlstate", None) == LOCKED or "database is locked" in str(error.orig)
 
 
 def _full(error: BaseException) -> bool:

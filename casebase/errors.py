@@ -37,6 +37,10 @@ class SchemaError(LibraryError):
     """The tables of the database are those of another version."""
 
 
+class BusyError(LibraryError):
+    """So many write that this one would wait too long."""
+
+
 class InvalidRequestError(LibraryError, ValueError):
     """The request contradicts itself or the library's rules."""
 

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,8 +20,9 @@ from casebase.recordings import DISCARDED, unspoken
 from casebase.store import audit, leases
 from casebase.store.audio_store import NAMED, AudioStore
 from casebase.store.counter import lock
-from casebase.store.database import WRITING, create_engine_for, sqlite_url, upgrade_database
+from casebase.store.database import LONGEST_WAIT_S, WRITING, create_engine_for, sqlite_url, upgrade_database
 from casebase.store.models import StoredRecording
+from casebase.store.write_queue import WriteQueue
 
 
 class CaseLibrary:
@@ -31,8 +32,10 @@ class CaseLibrary:
     together or not at all.
     """
 
-    def __init__(self, engine: Engine, data_dir: Path) -> None:
+    def __init__(self, engine: Engine, data_dir: Path, writers: WriteQueue | None = None) -> None:
         self.engine = engine
+        self.writers = writers
+        """None where the database itself lets many write."""
         self.data_dir = data_dir
         self.audio = AudioStore(data_dir / "audio")
         self.lease: str | None = None
@@ -43,13 +46,16 @@ class CaseLibrary:
         self.retain = Retain(self.audio)
 
     @classmethod
-    def open(cls, data_dir: Path, url: str | None = None, *, look: bool = False) -> "CaseLibrary":
+    def open(
+        cls, data_dir: Path, url: str | None = None, *, look: bool = False, longest_wait_s: float = LONGEST_WAIT_S
+    ) -> "CaseLibrary":
         """Open, and create where needed; SQLite in the data folder unless a URL is given.
 
         Folder and files belong to their owner alone, as does whatever this process writes from then on.
 
         Args:
             look: create and change nothing.
+            longest_wait_s: for others that write; who waits longer is refused [s].
 
         Raises:
             SchemaError: if it is the library of another version, or there is none to look at.
@@ -61,13 +67,14 @@ class CaseLibrary:
             make_private(data_dir)
         elif url is None and not database.exists():
             raise SchemaError(f"there is no library in {data_dir} yet: `gearcase serve` makes one")
-        engine = create_engine_for(url or sqlite_url(database), look=look)
+        url = url or sqlite_url(database)
+        patient = create_engine_for(url, look=look)  # another service may be making the tables
         try:
-            upgrade_database(engine, look=look)
-        except SchemaError:
-            engine.dispose()  # or a log would be left beside the database
-            raise
-        return cls(engine, data_dir)
+            upgrade_database(patient, look=look)
+        finally:
+            patient.dispose()  # or a log would be left beside the database
+        engine = create_engine_for(url, longest_wait_s, look=look)
+        return cls(engine, data_dir, WriteQueue(longest_wait_s) if engine.dialect.name == "sqlite" else None)
 
     @contextmanager
     def transaction(self, actor: str, request_id: str | None = None) -> Iterator[Session]:
@@ -75,10 +82,12 @@ class CaseLibrary:
 
         Raises:
             LeaseLostError: if it is a worker's library and the worker's lease has ended; nothing is written then.
+            BusyError: if too many write.
         """
+        turn = nullcontext() if self.writers is None else self.writers.turn()
         named: dict[str, BinaryIO] = {}
         try:
-            with Session(self.engine, expire_on_commit=False) as session:
+            with turn, Session(self.engine, expire_on_commit=False) as session:
                 session.info.update({audit.ACTOR: actor, audit.REQUEST: request_id, NAMED: named})
                 session.connection(execution_options={WRITING: True})
                 yield session

@@ -61,7 +61,7 @@ def diagnose(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request) -
     kept = once.replay(*content)
     if kept is not None:
         return kept
-    intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
+    intake = take_in(service.library, file.path, file.name, file.media_type, metadata).fitted(service.library)
 
     def work(session: Session) -> Made:
         diagnosis = intake.diagnose(service.library, session)

@@ -6,6 +6,7 @@ import os
 import socket
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -150,6 +151,7 @@ def worker(name: Name = None, parent: Parent = None, log_folder: LogFolder = Non
     configure_logs("worker", log_folder)
     stop = stop_on_signals()
     library = _opened(frame.settings(), stop)
+    tempfile.tempdir = str(library.data_dir)  # that of the system may be read-only
     lost = run_worker(
         library,
         job_kinds(library),

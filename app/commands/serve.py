@@ -4,6 +4,7 @@ import asyncio
 import signal
 import socket
 import sys
+import tempfile
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -53,6 +54,7 @@ def serve(
 
 def _serve(listening: socket.socket, *, worker: bool, proxies: str, log_folder: Path | None, show_key: bool) -> None:
     service = Service.open(settings(), Metrics())
+    tempfile.tempdir = str(settings().data_dir)  # that of the system may be read-only
     try:
         faults = faults_of(service.library.engine)
         if faults:

@@ -13,6 +13,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi_problem.error import Problem, StatusProblem
 from fastapi_problem.handler import ExceptionHandler, new_exception_handler
 from sqlalchemy.exc import DatabaseError, OperationalError
+from sqlalchemy.exc import TimeoutError as NoConnectionError
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse
@@ -21,7 +22,7 @@ from starlette.routing import compile_path
 from app.background_cache import NotReadyError
 from app.http.finite import finite
 from app.jobs import job as jobs
-from app.storage_faults import is_full, is_unwritable
+from app.storage_faults import is_contended, is_full, is_unwritable
 from casebase import errors as library
 from casebase.store import audit
 from casebase.store.integrity import RESTORE, is_damaged
@@ -82,6 +83,7 @@ DOMAIN: dict[type[Exception], type[StatusProblem]] = {
     library.ArtifactError: Conflict,
     library.ErasedError: Gone,
     library.DamagedError: Damaged,
+    library.BusyError: Unavailable,
     library.LibraryError: Unprocessable,
     signals.NotAudioError: UnsupportedMedia,
     signals.RecordingTooLargeError: TooLarge,
@@ -104,6 +106,8 @@ SYNTAX = "json_invalid"
 LISTED = 20
 """Errors of one request that are told, at most: who is wrong in more places reads these first."""
 
+BUSY = {"Retry-After": "3"}
+"""Of what is refused because of too many others."""
 SAFE = ("GET", "HEAD", "OPTIONS")
 """Methods that store nothing."""
 
@@ -202,6 +206,8 @@ def _from_domain(_: ExceptionHandler, __: Request, error: Exception) -> Problem:
     if isinstance(error, library.DuplicateError):
         there = {"id": error.case_id, "label": error.label, "gearbox": error.gearbox}
         return kind(str(error), case=there)
+    if isinstance(error, library.BusyError):
+        return kind(str(error), headers=BUSY)
     return kind(str(error), headers={"Retry-After": "60"} if isinstance(error, NotReadyError) else None)
 
 
@@ -212,6 +218,8 @@ def _from_storage(_: ExceptionHandler, __: Request, error: Exception) -> Problem
             "Whoever runs the service has to make room; then send it again.",
             headers={"Retry-After": "600"},
         )
+    if isinstance(error, NoConnectionError) or is_contended(error):
+        return Unavailable("More is being stored than the database can take.", headers=BUSY)
     if is_damaged(error):
         return Damaged(f"The database of the service is damaged. Whoever runs the service has to act. {RESTORE}")
     if is_unwritable(error):
@@ -248,7 +256,7 @@ def _note(request: Request, error: Exception) -> None:
         log.exception("request failed", path=request.url.path, exc_info=error)
 
 
-STORAGE = (OSError, OperationalError, DatabaseError)
+STORAGE = (OSError, OperationalError, DatabaseError, NoConnectionError)
 EXPECTED = (Problem, HTTPException, RequestValidationError, *DOMAIN)
 
 problem_handler = new_exception_handler(

@@ -12,7 +12,7 @@ import hmac
 from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -22,7 +22,7 @@ from fastapi.security import HTTPBearer
 from fastapi.security.http import HTTPAuthorizationCredentials
 from fastapi.security.utils import get_authorization_scheme_param
 
-from app.http.errors import Forbidden, NotAuthenticated, TooManyFailures
+from app.http.errors import BUSY, Forbidden, NotAuthenticated, TooManyFailures, Unavailable
 from app.http.keys import PREFIX, Role, digest, find_key
 from app.http.sessions import key_of_session
 from app.service import Service, service_of
@@ -194,18 +194,28 @@ Admin = Annotated[Principal, Security(Requires(Role.ADMIN), scopes=[Role.ADMIN.v
 
 
 class ConcurrencyLimiter:
-    """Lets so many in at once, of all keys together and of each.
+    """Lets so many in at once, of all keys together and of each; first come first served.
 
-    Who waits holds no thread, no session and nothing of its request's body.
+    Who waits holds no thread and no session.
+
+    Args:
+        longest_wait_s: after which a request is answered 503 [s]; it comes again, instead of waiting unseen.
     """
 
-    def __init__(self, at_once: int, per_key: int) -> None:
+    def __init__(self, at_once: int, per_key: int, longest_wait_s: float) -> None:
+        self._longest_wait_s = longest_wait_s
         self._all = asyncio.Semaphore(at_once)
         self._each: defaultdict[str, asyncio.Semaphore] = defaultdict(lambda: asyncio.Semaphore(per_key))
 
     @asynccontextmanager
     async def enter(self, key_id: str) -> AsyncIterator[None]:
-        async with self._each[key_id], self._all:
+        async with AsyncExitStack() as stack:
+            try:
+                async with asyncio.timeout(self._longest_wait_s):
+                    await stack.enter_async_context(self._each[key_id])
+                    await stack.enter_async_context(self._all)
+            except TimeoutError:
+                raise Unavailable("The service is busy: send it again in a few seconds.", headers=BUSY) from None
             yield
 
 

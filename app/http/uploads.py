@@ -250,8 +250,14 @@ async def upload_of(request: Request) -> AsyncIterator[Upload | None]:
     if request.headers.get("content-type", "").lower().startswith("application/json"):
         yield None
         return
-    gate: ConcurrencyLimiter = request.app.state.gate
-    async with gate.enter(request.state.principal.key_id), received(request, service_of(request)) as upload:
+    uploads: ConcurrencyLimiter = request.app.state.uploads
+    at_work: ConcurrencyLimiter = request.app.state.at_work
+    key_id = request.state.principal.key_id
+    async with (
+        uploads.enter(key_id),
+        received(request, service_of(request)) as upload,
+        at_work.enter(key_id),
+    ):
         yield upload
 
 

@@ -115,7 +115,7 @@ class Worker:
         cls, library: CaseLibrary, kinds: Sequence[JobKind], name: str, stop: threading.Event, lease_s: float = LEASE_S
     ) -> Worker:
         """Take a lease, by which from now on all that is written into this library is fenced."""
-        unfenced = CaseLibrary(library.engine, library.data_dir)
+        unfenced = CaseLibrary(library.engine, library.data_dir, library.writers)
         with unfenced.transaction(name) as session:
             library.lease = leases.take(session, name, lease_s)
         return cls(library, unfenced, {kind.name: kind for kind in kinds}, library.lease, lease_s, stop)
@@ -123,11 +123,15 @@ class Worker:
     def beat(self) -> None:
         """Keep the lease, and end those of workers that fell silent."""
         silence = Silence(self.lease_s / BEATS)
+        beat_file = leases.beat_file(self.library.data_dir)
+        beat_file.parent.mkdir(exist_ok=True)
+        beat_file.touch()
         while not self.stop.wait(silence.beat_s):
             try:
                 with self.unfenced.transaction(ACTOR) as session:
                     leases.beat(session, self.lease)
                     others = [each for each in leases.held(session) if each.id != self.lease]
+                beat_file.touch()
                 for other, beats in silence.after_beat(others):
                     with self.unfenced.transaction(ACTOR) as session:
                         ended = leases.end(session, other, beats)
@@ -202,6 +206,9 @@ class Worker:
 
     def _claim(self, steps: Sequence[str]) -> Claim | None:
         with self.claiming:  # so that what the threads of this worker are at is known when the next step is chosen
+            with self.library.reading() as session:  # in vain it keeps nobody from writing
+                if session.scalars(self._free(steps)).first() is None:
+                    return None
             with self.library.transaction(ACTOR) as session:
                 step = session.scalars(self._free(steps).with_for_update(of=JobStep, skip_locked=True)).first()
                 job = None if step is None else session.get(StoredJob, step.job_id, with_for_update=True)

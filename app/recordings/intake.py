@@ -29,6 +29,7 @@ from app.settings import settings_of
 from casebase.axes import find_axis, list_axes
 from casebase.description import Labelling, RecordingDescription, check_name
 from casebase.library import CaseLibrary
+from casebase.reasoning.diagnosis import Reasoner
 from casebase.reasoning.plausibility import Expected, Known, held_against
 from casebase.store.audio_store import Content
 from casebase.store.fields import AxisName, Label, Moment, Positive, Text, Verification, Verified, Word, is_ahead
@@ -179,13 +180,21 @@ class Intake(DecodedRecording):
     """A recording on its way into the library; the file that it came in must be there until it is stored."""
 
     content: Content
+    reasoner: Reasoner | None = None
+    """What diagnoses it, once that is fitted."""
+
+    def fitted(self, library: CaseLibrary) -> "Intake":
+        """Return it with what diagnoses it, made before a transaction begins that keeps others from writing."""
+        with library.reading() as session:
+            reasoner = library.reuse.fitted(session, self.description.axis, self.description.gearbox)
+        return replace(self, reasoner=reasoner)
 
     def store(self, library: CaseLibrary, session: Session) -> StoredRecording:
         return library.retain.recording(session, self.content, self.recording, self.extraction, self.description)
 
     def diagnose(self, library: CaseLibrary, session: Session) -> StoredDiagnosis:
         row = self.store(library, session)
-        return library.reuse.diagnose(session, row, self.extraction, self.remarks)
+        return library.reuse.diagnose(session, row, self.extraction, self.remarks, self.reasoner)
 
 
 MEDIA_TYPES = {

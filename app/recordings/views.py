@@ -109,10 +109,10 @@ class Kept(Generic[Value]):
             self._values.clear()
 
 
-DECODED: Kept[Recording] = Kept(128 << 20, lambda recording: recording.samples.nbytes)
+DECODED: Kept[Recording] = Kept(32 << 20, lambda recording: recording.samples.nbytes)
 """Ten minutes at 48 kHz, or many short ones."""
-ANSWERS: Kept[bytes] = Kept(32 << 20, len)
-SURVEYED: Kept[Survey] = Kept(128 << 20, lambda survey: 4 * survey.recording.samples.nbytes)
+ANSWERS: Kept[bytes] = Kept(16 << 20, len)
+SURVEYED: Kept[Survey] = Kept(32 << 20, lambda survey: 4 * survey.recording.samples.nbytes)
 """A recording with the analysed piece of it, and about as much again that was worked out of that."""
 
 

@@ -33,7 +33,7 @@ def npm_command() -> list[str]:
     scripts = Path(sys.prefix) / "bin" / "npm"
     if scripts.exists():
         return [str(scripts)]
-    raise FileNotFoundError("npm is not here; install Node.js, or `pip install -r requirements-node.lock`")
+    raise FileNotFoundError("npm is not here; install Node.js, or `pip install -r requirements-build.lock`")
 
 
 def install(root: Path = ROOT, vendor: Path = VENDOR) -> tuple[Path, ...]:

@@ -277,7 +277,7 @@ class PageErrors:
                 return
             body += message.get("body", b"")
             if not message.get("more_body", False):
-                await _error_page(scope, receive, send, body, int(started["status"]))
+                await _error_page(scope, receive, send, body, started)
 
         await self.app(scope, receive, send_page)
 
@@ -286,8 +286,8 @@ def _is_problem(message: types.Message) -> bool:
     return Headers(raw=message["headers"]).get("content-type", "").startswith("application/problem+json")
 
 
-async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, status: int) -> None:
-    request = Request(scope)
+async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, started: types.Message) -> None:
+    request, status = Request(scope), int(started["status"])
     problem = json.loads(body)
     principal = getattr(request.state, "principal", None)
     came_from = request.headers.get("referer", "")
@@ -298,6 +298,8 @@ async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, s
         "back": came_from if came_from.startswith(str(request.base_url)) else "",
     }
     page = render(request, "error.html", context, principal=principal, status=status)
+    if again := Headers(raw=started["headers"]).get("retry-after"):
+        page.headers["Retry-After"] = again
     await page(scope, receive, send)
 
 

@@ -28,11 +28,11 @@ import structlog
 from pydantic import SecretStr
 
 from app.http.middleware import Metrics
-from app.http.security import COOKIE, ConcurrencyLimiter, csrf_token
+from app.http.security import COOKIE, csrf_token
 from app.jobs.job import JobKind, Json, Report
 from app.jobs.jobs import Jobs
 from app.jobs.runner import LANES, Worker
-from app.main import create_app
+from app.main import attach, create_app
 from app.service import Service
 from app.settings import Settings
 from benchmarks.chaos.orders import ORDERS, PAGES, Known, Options, counts, fill, ghosts
@@ -119,7 +119,7 @@ def apart(settings: Settings, work: Work, *, tidy: bool = True) -> Ended:
 def asked(service: Service, known: Known, path: str, options: Options, point: CrashPoint | None = None) -> Any:
     """Send a request, of a page where it has a form of one; its status, headers and JSON."""
     app = APP
-    app.state.service, app.state.gate, app.state.looking = service, ConcurrencyLimiter(4, 4), ConcurrencyLimiter(1, 1)
+    attach(app, service)
     headers = {"Authorization": f"Bearer {known.key}", "Idempotency-Key": "once"}
     if not path.startswith("/api/"):
         headers = {"Accept": "text/html", "Cookie": f"{COOKIE}={known.session}"}

@@ -14,10 +14,10 @@ from structlog.testing import capture_logs
 
 from app.http.keys import Role, create_key
 from app.http.middleware import Metrics
-from app.http.security import COOKIE, FORM_COOKIE, ConcurrencyLimiter, csrf_token
+from app.http.security import COOKIE, FORM_COOKIE, csrf_token
 from app.http.sessions import open_session
 from app.jobs.job import Job, JobNotFoundError, Progress
-from app.main import create_app
+from app.main import attach, create_app
 from app.service import Service
 from app.settings import Settings
 from benchmarks.harness.live import NO_MAIL_SERVER
@@ -77,7 +77,7 @@ def inside(data_dir: Path, database_url: str | None = None, **given: str | None)
         row, key = create_key(session, name="test", role=Role.ADMIN)
         token = open_session(session, row.id)
     app = create_app(service=service)
-    app.state.service, app.state.gate, app.state.looking = service, ConcurrencyLimiter(4, 4), ConcurrencyLimiter(1, 1)
+    attach(app, service)
     with capture_logs():  # tracebacks drawn for people take seconds each
         yield Inside(app, service, key, token)
     service.close()

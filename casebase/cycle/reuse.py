@@ -1,6 +1,7 @@
 """Reuse: what the cases say of a recording, and how far that can be relied on."""
 
 from dataclasses import replace
+from threading import Lock
 
 from sqlalchemy.orm import Session
 
@@ -23,16 +24,26 @@ class Reuse:
     def __init__(self, retrieve: Retrieve) -> None:
         self._retrieve = retrieve
         self._reasoners: dict[str, Reasoner] = {}
+        self._lock = Lock()
+        """One at a time makes what diagnoses: the others that need it then find it made."""
 
     def reasoner(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> Reasoner:
         """Return what diagnoses, for the library as it is now; the same one until something changes."""
-        table = self._retrieve.table(session, extractor_version)
-        kept = self._reasoners.get(extractor_version)
-        if kept is not None and kept.table is table:
-            return kept
-        reasoner = Reasoner(table)
-        if not has_changed(session):
-            self._reasoners[extractor_version] = reasoner
+        with self._lock:
+            table = self._retrieve.table(session, extractor_version)
+            known = self._reasoners.get(extractor_version)
+            if known is not None and known.table is table:
+                return known
+            reasoner = Reasoner(table)
+            if not has_changed(session):
+                self._reasoners[extractor_version] = reasoner
+            return reasoner
+
+    def fitted(self, session: Session, axis: str | None, gearbox: str | None) -> Reasoner:
+        """Return what diagnoses a recording of a gearbox, with all that is fitted for it: it takes long where cases
+        changed, and nobody should be kept from writing meanwhile."""
+        reasoner = self.reasoner(session)
+        reasoner.model(axis, gearbox)
         return reasoner
 
     def diagnose(
@@ -41,13 +52,17 @@ class Reuse:
         recording: StoredRecording,
         extraction: Extraction,
         remarks: tuple[str, ...] = (),
+        reasoner: Reasoner | None = None,
     ) -> StoredDiagnosis:
         """Diagnose a stored recording by its features and keep the diagnosis, with what else is to be remarked.
 
         A case of the same sound is named, and does not count.
+
+        Args:
+            reasoner: as `fitted` returns it, with the library as it was a moment ago; by default as it is now.
         """
         version = extraction.extractor_version
-        reasoner = self.reasoner(session, version)
+        reasoner = reasoner or self.reasoner(session, version)
         values = extraction.features.values
         copies = reasoner.table.samples == recording.sound_id
         diagnosis = reasoner.diagnose(extraction, copies, recording.axis, recording.gearbox)

@@ -33,6 +33,10 @@ CLIENT_TIMEOUTS = {
 }
 SERVER_TIMEOUTS = "-c tcp_keepalives_idle=4 -c tcp_keepalives_interval=2 -c tcp_keepalives_count=3"
 """A connection on which nothing comes back is given up after 10 s, on either side."""
+LONGEST_WAIT_S = 30.0
+"""For others that write, or for a connection [s]."""
+SQLITE_CONNECTIONS = 64
+"""More than a process has threads: none waits for another's."""
 STANDSTILL_S = 60
 """A transaction that writes may think for so long between two statements [s]."""
 
@@ -89,19 +93,20 @@ def strict_json(document: object) -> str:
     return json.dumps(document, allow_nan=False, separators=(",", ":"))
 
 
-def create_engine_for(url: str, *, look: bool = False) -> Engine:
+def create_engine_for(url: str, longest_wait_s: float = LONGEST_WAIT_S, *, look: bool = False) -> Engine:
     """Return an engine for `sqlite:///path` or `postgresql://...` (psycopg is the driver).
 
     Args:
+        longest_wait_s: for others that write, or for a connection [s].
         look: of SQLite, make no database and leave what is there as it is.
     """
     parsed = make_url(url)
     if parsed.drivername in ("postgresql", "postgres"):
         parsed = parsed.set(drivername="postgresql+psycopg")
     if parsed.get_backend_name() == "sqlite":
-        return _sqlite_engine(parsed.render_as_string(hide_password=False), look=look)
+        return _sqlite_engine(parsed, longest_wait_s, look=look)
     if parsed.get_backend_name() == "postgresql":
-        return _postgresql_engine(impatient(parsed))
+        return _postgresql_engine(impatient(parsed), longest_wait_s)
     raise ValueError(f"database {parsed.get_backend_name()!r} is not known: use sqlite:/// or postgresql://")
 
 
@@ -121,28 +126,33 @@ def sqlite_url(path: Path) -> str:
     return f"sqlite:///{path.resolve()}"
 
 
-def _postgresql_engine(url: URL) -> Engine:
-    engine = create_engine(url, pool_pre_ping=True, pool_size=10, max_overflow=20, json_serializer=strict_json)
+def _postgresql_engine(url: URL, longest_wait_s: float) -> Engine:
+    pool = {"pool_pre_ping": True, "pool_size": 10, "max_overflow": 20, "pool_timeout": longest_wait_s}
+    engine = create_engine(url, json_serializer=strict_json, **pool)
 
     @event.listens_for(engine, "begin")
     def begin(connection: Connection) -> None:
         # whoever stands still in a transaction that writes would keep everybody from writing
         if connection.get_execution_options().get(WRITING, False):
-            connection.exec_driver_sql(f"SET LOCAL idle_in_transaction_session_timeout = '{STANDSTILL_S}s'")
+            connection.exec_driver_sql(
+                f"SET LOCAL idle_in_transaction_session_timeout = '{STANDSTILL_S}s'; "
+                f"SET LOCAL lock_timeout = {round(1000 * longest_wait_s)}"
+            )
 
     return engine
 
 
-def _looking(url: str) -> str:
+def _looking(url: URL) -> URL:
     """Return the URL of an SQLite file that is only read."""
-    path = Path(str(make_url(url).database))
+    path = Path(str(url.database))
     # who reads alone leaves a log behind, who may write clears one away that a kill left
     mode = "ro" if path.with_name(f"{path.name}-wal").exists() else "rw"
-    return f"sqlite:///file:{quote(str(path.resolve()))}?mode={mode}&uri=true"
+    return make_url(f"sqlite:///file:{quote(str(path.resolve()))}?mode={mode}&uri=true")
 
 
-def _sqlite_engine(url: str, *, look: bool = False) -> Engine:
-    engine = create_engine(_looking(url) if look else url, connect_args={"timeout": 30.0}, json_serializer=strict_json)
+def _sqlite_engine(url: URL, longest_wait_s: float, *, look: bool = False) -> Engine:
+    url, pool = _looking(url) if look else url, {"pool_size": 5, "max_overflow": SQLITE_CONNECTIONS - 5}
+    engine = create_engine(url, connect_args={"timeout": longest_wait_s}, json_serializer=strict_json, **pool)
 
     @event.listens_for(engine, "connect")
     def configure(connection: SqliteConnection, _record: object) -> None:
@@ -153,7 +163,6 @@ def _sqlite_engine(url: str, *, look: bool = False) -> Engine:
         connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=FULL")
         connection.execute("PRAGMA foreign_keys=ON")
-        connection.execute("PRAGMA busy_timeout=30000")
         connection.execute("PRAGMA trusted_schema=OFF")  # a file from elsewhere may bring triggers of its own
         connection.execute(f"PRAGMA journal_size_limit={LARGEST_LOG}")
 

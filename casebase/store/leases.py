@@ -10,8 +10,10 @@ writes: its id is a fencing token. To end the lease of one that lives after all 
 
 import math
 import secrets
+import socket
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from sqlalchemy import delete, select, update
 from sqlalchemy.orm import Session
@@ -38,6 +40,11 @@ def beat(session: Session, lease: str) -> None:
     moved = session.execute(update(WorkerLease).where(WorkerLease.id == lease).values(beats=WorkerLease.beats + 1))
     if moved.rowcount == 0:  # type: ignore[attr-defined]
         raise lost(lease)
+
+
+def beat_file(data_dir: Path) -> Path:
+    """Return what a worker of this machine touches at each beat: its health check looks at it."""
+    return data_dir / "workers" / socket.gethostname()
 
 
 def hold(session: Session, lease: str) -> None:

@@ -110,7 +110,7 @@ def upload(request: Request, principal: PageOperator, upload: TheUpload, service
     """Take a recording in and diagnose it."""
     check_csrf(request, upload.fields.get("csrf", ""))
     upload.only("file", "csrf", "axis", "gearbox", "recorded_at", *NUMBERS)
-    intake = taken_in(service, upload, told(upload.fields, "recorded_at"), RecordingMetadata)[0]
+    intake = taken_in(service, upload, told(upload.fields, "recorded_at"), RecordingMetadata)[0].fitted(service.library)
     with service.library.transaction(principal.actor) as session:
         diagnosis = intake.diagnose(service.library, session)
         identity = diagnosis.id

@@ -138,7 +138,7 @@ def record(request: Request, principal: PageOperator, upload: TheUpload, service
             raise Unprocessable(f"{question}. Choose one of the list.") from None
     fields = {**told(upload.fields, "recorded_at"), "axis": name}
     intake, _ = taken_in(service, upload, fields, RecordingMetadata)
-    step = step_name()
+    intake, step = intake.fitted(service.library), step_name()
     with service.library.transaction(principal.actor, step) as session:
         diagnosis = intake.diagnose(service.library, session)
         identity, verdict = diagnosis.id, diagnosis.verdict

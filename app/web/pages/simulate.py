@@ -148,7 +148,7 @@ class Run:
         return np.array(found.frequency_hz), np.array(found.level_db)
 
 
-KEPT: Kept[Run] = Kept(32 << 20, lambda run: 24 * run.time_s.size + run.sound.nbytes)
+KEPT: Kept[Run] = Kept(16 << 20, lambda run: 24 * run.time_s.size + run.sound.nbytes)
 """About sixty runs: who moves a slider back sees and hears the same at once."""
 
 
