@@ -32,8 +32,11 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
 
 
 def add(client: httpx.Client, content: bytes, gearbox: str) -> httpx.Response:
+    """Add a case, again where the service is busy and says when to come again."""
     data = {"metadata": json.dumps({"label": "normal", "gearbox": gearbox})}
-    return client.post(CASES, files={"file": ("x.wav", content)}, data=data)
+    while (answer := client.post(CASES, files={"file": ("x.wav", content)}, data=data)).status_code == 503:
+        time.sleep(int(answer.headers["retry-after"]))
+    return answer
 
 
 def test_hundred_uploads_at_once_are_all_taken_a_few_at_a_time(server: LiveServer) -> None:
