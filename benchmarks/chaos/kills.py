@@ -49,7 +49,7 @@ OFTEN = ("cases", "cases", "diagnoses", "diagnoses", "simulations", "investigati
 AGAIN_S = 0.2
 ENDING_S = 600.0
 AWAY = 0.15
-LASTING = re.compile(r"audio/../[0-9a-f]{62}|gearcase\.db(-wal|-shm)?")
+LASTING = re.compile(r"audio/../[0-9a-f]{62}|gearcase\.db(-wal|-shm)?|workers/[^/]+")
 """Files of a data folder whose service has ended; those of `audio` are held against the rows."""
 
 
