@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
@@ -69,7 +69,7 @@ class Exported:
     without_audio: int
 
 
-def export_cases(library: CaseLibrary, session: Session, target: Path, wanted: CaseFilter) -> Exported:
+def export_cases(library: CaseLibrary, session: Session, target: Path | IO[bytes], wanted: CaseFilter) -> Exported:
     """Write a bundle of the cases wanted; those whose audio was erased are in it without audio, and say so."""
     entries: list[dict[str, object]] = []
     written: set[str] = set()

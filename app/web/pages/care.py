@@ -1,12 +1,11 @@
 """Care of the library: its evaluation and review with edits, cases to simulate, cases carried in and out."""
 
-from pathlib import Path
-from shutil import rmtree
-from tempfile import mkdtemp
+from contextlib import ExitStack
+from tempfile import TemporaryFile
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Form, Request
-from fastapi.responses import FileResponse, Response
+from fastapi.responses import Response, StreamingResponse
 from pydantic import Field
 from sqlalchemy import select
 from starlette.background import BackgroundTask
@@ -26,6 +25,7 @@ from casebase import review as care
 from casebase.axes import get_axis, list_axes
 from casebase.errors import NotFoundError
 from casebase.search.case_filter import CaseFilter
+from casebase.store.audio_store import read_chunks
 from casebase.store.bundle import check_bundle, export_cases
 from casebase.store.models import Artifact
 from sim.description.axis_document import read_axis
@@ -163,10 +163,15 @@ def exchange(request: Request, principal: PageAdmin) -> Response:
 @router.get("/export.zip")
 def export(session: Reading, service: TheService, _: PageAdmin, label: str = "", origin: str = "") -> Response:
     """The cases wanted as one bundle."""
-    folder = Path(mkdtemp(dir=service.settings.data_dir))
-    target = folder / "cases.zip"
-    export_cases(service.library, session, target, CaseFilter(label=label or None, origin=origin or None))
-    return FileResponse(target, filename="cases.zip", background=BackgroundTask(rmtree, folder))
+    wanted = CaseFilter(label=label or None, origin=origin or None)
+    with ExitStack() as stack:
+        # it has no name: a kill leaves nothing
+        target = stack.enter_context(TemporaryFile(dir=service.settings.data_dir))
+        export_cases(service.library, session, target, wanted)
+        target.seek(0)
+        headers = {"Content-Disposition": 'attachment; filename="cases.zip"'}
+        done = BackgroundTask(stack.pop_all().close)
+    return StreamingResponse(read_chunks(target), headers=headers, media_type="application/zip", background=done)
 
 
 @router.post("/import")
