@@ -22,8 +22,8 @@ from pathlib import Path
 import httpx
 
 from benchmarks.harness import postgres
+from benchmarks.harness.plane_robot import log, parts
 from benchmarks.harness.sounds import sound
-from tests.app.test_robots import log, parts
 
 IMAGE, BASE = "gearcase", "python:3.11-slim-bookworm"
 LIMITS = ["--ulimit", "nofile=1024:1024", "--ulimit", "nproc=1024:1024"]

@@ -17,11 +17,13 @@ from casebase.sounds import find_sound, keep_sound
 from casebase.store import audit
 from casebase.store.audio_store import AudioStore, Content
 from casebase.store.database import strict_json
-from casebase.store.models import Extractor, FeatureRow, StoredInvestigation, StoredRecording, new_id
+from casebase.store.models import Extractor, FeatureRow, StoredInvestigation, StoredJob, StoredRecording, new_id
 from signals.features import Extraction, FeatureVector
 from signals.fingerprint import fingerprints
 from signals.recording import Recording
 
+IMPORTS = "imports"
+"""Kind of the jobs that import bundles; until such a job is over it speaks of its bundle."""
 DISCARDED = "discarded_files"
 """In a session's `info`: hashes of the files that are to go when it is committed."""
 
@@ -107,7 +109,14 @@ def unspoken(session: Session, hashes: Collection[str], *recordings: ColumnEleme
         for part in inputs.values():
             files = part if isinstance(part, list) else [part]
             spoken |= {str(file["sha256"]) for file in files if isinstance(file, dict)}
+    spoken.update(bundles_under_way(session))
     return [sha256 for sha256 in hashes if sha256 not in spoken]
+
+
+def bundles_under_way(session: Session) -> list[str]:
+    """Return the file of each import that is not over."""
+    under_way = select(StoredJob.parameters).where(StoredJob.kind == IMPORTS, StoredJob.finished_at.is_(None))
+    return [str(asked["sha256"]) for asked in session.scalars(under_way)]
 
 
 def store_features(session: Session, row: StoredRecording, extraction: Extraction) -> FeatureRow:

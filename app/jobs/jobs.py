@@ -34,6 +34,7 @@ OVER: tuple[JobState, ...] = ("done", "failed", "cancelled")
 KINDS: dict[str, tuple[str, str]] = {
     "simulations": ("app.simulated.generation", "simulations"),
     "investigations": ("app.investigations", "investigations"),
+    "imports": ("app.recordings.bundle_import", "imports"),
     "deliveries": ("app.alarms.sending", "deliveries"),
 }
 """Name of a kind, and where the function is that makes it for a library; workers alone import it."""

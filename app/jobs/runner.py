@@ -203,6 +203,7 @@ class Worker:
             session.execute(update(StoredJob).where(*mine).values(state="queued", worker=None))
             session.execute(update(JobStep).where(JobStep.lease == self.lease).values(lease=None))
             leases.end(session, self.lease)
+        leases.beat_file(self.library.data_dir).unlink(missing_ok=True)
 
     def _claim(self, steps: Sequence[str]) -> Claim | None:
         with self.claiming:  # so that what the threads of this worker are at is known when the next step is chosen

@@ -45,9 +45,7 @@ def kills(chosen: argparse.Namespace) -> list[str]:
     for database in chosen.database:
         with ExitStack() as stack:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gearcase-chaos-")))
-            url = None
-            if database == "postgresql":
-                url = postgres.create_database(stack.enter_context(postgres.running_server()), "chaos")
+            url = None if database == "sqlite" else stack.enter_context(postgres.running_server())
             seconds = 60 * chosen.minutes / len(chosen.database)
             words, found = run(folder, url, kills=chosen.kills, seconds=seconds, seed=chosen.seed)
         print(f"{database:<11} {words}; {len(found)} wrong")

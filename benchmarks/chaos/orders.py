@@ -4,7 +4,8 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+import zipfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,9 @@ from benchmarks.harness.sounds import sound
 from casebase.alarms import outbox
 from casebase.diagnoses import revise_diagnosis
 from casebase.steps import standing
+from casebase.store.audio_store import sha256_of
+from casebase.store.bundle import SCHEMA
+from casebase.store.bundle_worker import MANIFEST
 from casebase.store.models import (
     AlarmReceiver,
     AlarmRule,
@@ -87,6 +91,21 @@ def telemetry(size: float = 1.0) -> bytes:
 def upload(seed: int, **metadata: str) -> Options:
     content = sound(seed, seconds=2.0, impacts=metadata.get("label") == "notch")
     return {"files": {"file": (f"{seed}.wav", content)}, "data": {"metadata": json.dumps(metadata)}}
+
+
+def bundle(seeds: Iterable[int]) -> tuple[list[str], bytes]:
+    """A bundle of one case for each seed: the hashes of its sounds, and the ZIP."""
+    sounds = {sha256_of(content): content for content in (sound(seed, seconds=2.0) for seed in seeds)}
+    entries = [
+        {"audio": f"audio/{each}", "sha256": each, "label": "normal", "recording": {"gearbox": "elsewhere"}}
+        for each in sounds
+    ]
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as target:
+        target.writestr(MANIFEST, json.dumps({"schema": SCHEMA, "cases": entries}))
+        for each, content in sounds.items():
+            target.writestr(f"audio/{each}", content)
+    return list(sounds), packed.getvalue()
 
 
 def investigation(size: float = 1.0) -> Options:
@@ -179,7 +198,7 @@ def ghosts(service: Service) -> Iterator[str]:
         yield from (f"job {each} has no investigation" for each in jobs - asked)
         for record in session.scalars(select(IdempotencyRecord).where(IdempotencyRecord.status.is_(None))):
             yield f"key {record.key} has no answer"
-        spoken = set(session.scalars(select(StoredRecording.file_sha256)))
+        spoken = set(session.scalars(select(StoredRecording.file_sha256).where(StoredRecording.erased_at.is_(None))))
         for inputs in session.scalars(select(StoredInvestigation.inputs)):
             for kept in inputs.values():
                 spoken |= {str(one["sha256"]) for one in (kept if isinstance(kept, list) else [kept]) if is_file(one)}

@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Mapping
 from contextlib import redirect_stderr, redirect_stdout
@@ -34,9 +35,10 @@ class Done:
 
 def gearcase(*words: str | Path, data_dir: Path) -> Done:
     """Run one command of the command line in this process."""
-    out, error = io.StringIO(), io.StringIO()
+    out, error, temporary = io.StringIO(), io.StringIO(), tempfile.tempdir
     with redirect_stdout(out), redirect_stderr(error):
         code = run([*map(str, words), "--data-dir", str(data_dir)])
+    tempfile.tempdir = temporary  # the service sets its own
     return Done(code, out.getvalue(), error.getvalue())
 
 

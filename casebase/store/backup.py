@@ -10,21 +10,21 @@ import shutil
 import sqlite3
 import stat
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from sqlalchemy import JSON, Connection, Engine, RowMapping, Table, delete, func, insert, select, text
+from sqlalchemy import JSON, Connection, Engine, RowMapping, Table, delete, func, insert, select, text, update
 from sqlalchemy.orm import Session
 
 import migrations
-from casebase.errors import BackupError
+from casebase.errors import BackupError, NotFoundError
 from casebase.recordings import unspoken
 from casebase.store.audio_store import AudioStore, sha256_of, sync_folder
 from casebase.store.database import WRITING, create_engine_for, sqlite_url, upgrade_database
-from casebase.store.models import Base, BrowserSession, LibraryCounter, now
+from casebase.store.models import Base, BrowserSession, LibraryCounter, StoredRecording, now
 from signals.reading.plain_file import plain_bytes
 
 CHECKSUMS = "checksums.json"
@@ -53,11 +53,15 @@ def backup(engine: Engine, data_dir: Path, target: Path) -> int:
         source, copy = AudioStore(data_dir / "audio"), AudioStore(target / "audio")
         hashes = set(source.hashes())
         hashes -= set(unspoken(session, hashes))
+        for sha256 in sorted(hashes):
+            with suppress(NotFoundError, FileNotFoundError):  # erased meanwhile; else `verify` says that it is missing
+                if copy.put(source.path(sha256)) != sha256:
+                    raise BackupError(f"audio {sha256[:12]} is damaged in the library; restore it from an older backup")
+                sums[f"audio/{sha256}"] = sha256
+        for sha256 in _erased_since(engine, session):
+            copy.discard(sha256)
+            sums.pop(f"audio/{sha256}", None)
     sums[DATABASE] = sha256_of(target / DATABASE)
-    for sha256 in sorted(hashes):
-        if copy.put(source.path(sha256)) != sha256:
-            raise BackupError(f"audio {sha256[:12]} is damaged in the library; restore it from an older backup")
-        sums[f"audio/{sha256}"] = sha256
     document = {
         "schema": SCHEMA,
         "database": engine.dialect.name,
@@ -68,6 +72,18 @@ def backup(engine: Engine, data_dir: Path, target: Path) -> int:
     (target / CHECKSUMS).write_text(json.dumps(document, indent=1), encoding="utf-8")
     sync_folder(target)
     return sum(name.startswith("audio/") for name in sums)
+
+
+def _erased_since(engine: Engine, copied: Session) -> set[str]:
+    """Erase in the copy of the rows what was erased while audio was copied; return the files of all that is erased."""
+    with Session(engine) as live:
+        erased = live.scalars(select(StoredRecording).where(StoredRecording.erased_at.is_not(None))).all()
+    for row in erased:
+        before = StoredRecording.id == row.id, StoredRecording.erased_at.is_(None)
+        values = {"erased_at": row.erased_at, "erased_by": row.erased_by}
+        copied.execute(update(StoredRecording).where(*before).values(values))
+    copied.commit()
+    return {row.file_sha256 for row in erased}
 
 
 def _copy_database(source: Path, target: Path) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
@@ -69,7 +69,7 @@ class Exported:
     without_audio: int
 
 
-def export_cases(library: CaseLibrary, session: Session, target: Path, wanted: CaseFilter) -> Exported:
+def export_cases(library: CaseLibrary, session: Session, target: Path | IO[bytes], wanted: CaseFilter) -> Exported:
     """Write a bundle of the cases wanted; those whose audio was erased are in it without audio, and say so."""
     entries: list[dict[str, object]] = []
     written: set[str] = set()
@@ -127,6 +127,7 @@ def import_cases(
     source: Path,
     actor: str,
     *,
+    name: str = "",
     limits: BundleLimits | None = None,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Imported:
@@ -136,6 +137,7 @@ def import_cases(
 
     Args:
         source: path of the ZIP.
+        name: of the bundle, which stands in the cases; by default that of the file.
         progress: called with the number of cases done and in all.
 
     Raises:
@@ -168,7 +170,9 @@ def import_cases(
             try:
                 description = entry.recording.description()
                 extraction = features(description.condition, *asked)
-                case, fresh = _take(library, entry, *sound(*asked), extraction, actor, f"import {source.name}"[:100])
+                case, fresh = _take(
+                    library, entry, *sound(*asked), extraction, actor, f"import {name or source.name}"[:100]
+                )
             except BundleError:
                 raise
             except (SignalError, DuplicateError, InvalidRequestError) as error:
@@ -179,6 +183,11 @@ def import_cases(
                 new += [case.id] if fresh else []
     progress(len(entries), len(entries))
     return Imported(tuple(new), known, refused)
+
+
+def check_bundle(source: Path) -> None:
+    """Raise BundleError if a bundle does not say what is in it, or more than may be; its sounds are not read."""
+    _manifest(source, BundleLimits())
 
 
 def _manifest(source: Path, limits: BundleLimits) -> list[BundledCase]:

@@ -1,9 +1,11 @@
 """A disk that spoils what is stored is found out and said with the way out; what is ours is for our eyes alone."""
 
+import io
 import json
 import os
 import random
 import sqlite3
+import zipfile
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -103,6 +105,19 @@ def test_a_flipped_byte_of_audio_is_not_served(service: Inside) -> None:
         assert f"audio/{sha256[:2]}/{sha256[2:]}" in answer.json()["detail"]
     done = gearcase("doctor", "--thorough", data_dir=library.data_dir)
     assert "1 changed" in done.stdout
+
+
+def test_an_export_leaves_nothing_behind_even_where_it_fails(service: Inside) -> None:
+    files = {"file": ("a.wav", sound(5, seconds=1.0))}
+    service.ask("POST", f"{API}/cases", files=files, data={"metadata": '{"label": "normal"}'}).raise_for_status()
+    library = service.service.library
+    there = set(library.data_dir.iterdir())
+    whole = service.browse("GET", "/library/export.zip")
+    assert zipfile.ZipFile(io.BytesIO(whole.content)).testzip() is None
+    (sha256,) = library.audio.hashes()
+    library.audio.discard(sha256)
+    assert service.browse("GET", "/library/export.zip").status_code == 404
+    assert set(library.data_dir.iterdir()) == there
 
 
 def test_the_data_folder_is_for_its_owner_alone(service: Inside) -> None:

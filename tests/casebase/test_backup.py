@@ -11,10 +11,11 @@ from sqlalchemy import select
 from casebase.errors import BackupError
 from casebase.library import CaseLibrary
 from casebase.search.case_filter import CaseFilter
-from casebase.store.audio_store import sha256_of
+from casebase.store.audio_store import AudioStore, sha256_of
 from casebase.store.backup import CHECKSUMS, DATABASE, backup, restore, verify
 from casebase.store.database import create_engine_for
-from casebase.store.models import ApiKey, Base, BrowserSession, new_id, now
+from casebase.store.erasing import erase
+from casebase.store.models import ApiKey, Base, BrowserSession, StoredRecording, new_id, now
 from tests.casebase.sounds import add_sound, write_sound
 from tests.signals.test_plain_file import odd
 
@@ -90,6 +91,26 @@ def test_a_backup_moves_between_sqlite_and_postgresql(
     add_sound(large, write_sound(tmp_path / "new.wav", 10), "play")
     for each in (filled, large, local):
         each.close()
+
+
+def test_what_is_erased_during_a_backup_is_not_in_it(
+    filled: CaseLibrary, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put, hashes = AudioStore.put, list(filled.audio.hashes())
+
+    def meanwhile(store: AudioStore, source: Path | bytes) -> str:
+        done = put(store, source)
+        with filled.transaction("somebody") as session:  # the one that was just copied, and the last one
+            for row in session.scalars(
+                select(StoredRecording).where(StoredRecording.file_sha256.in_((hashes[0], hashes[-1])))
+            ):
+                erase(filled, session, row.id)
+        return done
+
+    monkeypatch.setattr(AudioStore, "put", meanwhile)
+    assert backup(filled.engine, filled.data_dir, tmp_path / "copy") == 1
+    assert verify(tmp_path / "copy") == ()
+    assert list(AudioStore(tmp_path / "copy" / "audio").hashes()) == hashes[1:2]
 
 
 def test_a_backup_is_taken_while_somebody_writes(filled: CaseLibrary, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import expect
 
 from app.investigations import get_investigation
+from benchmarks.harness.plane_robot import MAP, ROBOT, log, urdf
 from benchmarks.harness.site import Site
 from casebase.store.models import now
 from signals.reading.documents import parse_document
@@ -13,7 +14,6 @@ from sim.robot.foreign import kept_robot
 from sim.robot.investigation import investigate_robot
 from sim.robot.motion import read_log
 from sim.robot.report import robot_story
-from tests.app.test_robots import MAP, ROBOT, log, urdf
 from tests.web.conftest import Opened, Tab
 from tests.web.test_pages import check
 

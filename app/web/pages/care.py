@@ -1,12 +1,11 @@
 """Care of the library: its evaluation and review with edits, cases to simulate, cases carried in and out."""
 
-from pathlib import Path
-from shutil import rmtree
-from tempfile import mkdtemp
+from contextlib import ExitStack
+from tempfile import TemporaryFile
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Form, Request
-from fastapi.responses import FileResponse, Response
+from fastapi.responses import Response, StreamingResponse
 from pydantic import Field
 from sqlalchemy import select
 from starlette.background import BackgroundTask
@@ -16,6 +15,7 @@ from app.background_cache import Pending
 from app.http.errors import Unprocessable
 from app.http.security import check_csrf
 from app.http.uploads import TheUpload
+from app.recordings.bundle_import import order as order_import
 from app.report.words import name_of
 from app.service import Reading, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
@@ -25,7 +25,8 @@ from casebase import review as care
 from casebase.axes import get_axis, list_axes
 from casebase.errors import NotFoundError
 from casebase.search.case_filter import CaseFilter
-from casebase.store.bundle import export_cases, import_cases
+from casebase.store.audio_store import read_chunks
+from casebase.store.bundle import check_bundle, export_cases
 from casebase.store.models import Artifact
 from sim.description.axis_document import read_axis
 from sim.experiment.design_of_experiments import LABELS, labels, labels_of
@@ -156,21 +157,30 @@ def evaluation(
 @router.get("/exchange")
 def exchange(request: Request, principal: PageAdmin) -> Response:
     """Forms of import and export."""
-    return render(request, "exchange.html", {"imported": None}, principal=principal, section=SECTION)
+    return render(request, "exchange.html", {}, principal=principal, section=SECTION)
 
 
 @router.get("/export.zip")
 def export(session: Reading, service: TheService, _: PageAdmin, label: str = "", origin: str = "") -> Response:
     """The cases wanted as one bundle."""
-    folder = Path(mkdtemp(dir=service.settings.data_dir))
-    target = folder / "cases.zip"
-    export_cases(service.library, session, target, CaseFilter(label=label or None, origin=origin or None))
-    return FileResponse(target, filename="cases.zip", background=BackgroundTask(rmtree, folder))
+    wanted = CaseFilter(label=label or None, origin=origin or None)
+    with ExitStack() as stack:
+        # it has no name: a kill leaves nothing
+        target = stack.enter_context(TemporaryFile(dir=service.settings.data_dir))
+        export_cases(service.library, session, target, wanted)
+        target.seek(0)
+        headers = {"Content-Disposition": 'attachment; filename="cases.zip"'}
+        done = BackgroundTask(stack.pop_all().close)
+    return StreamingResponse(read_chunks(target), headers=headers, media_type="application/zip", background=done)
 
 
 @router.post("/import")
 def take(request: Request, principal: PageAdmin, upload: TheUpload, service: TheService) -> Response:
-    """Take a bundle in."""
+    """Order the import of a bundle."""
     check_csrf(request, upload.fields.get("csrf", ""))
-    imported = import_cases(service.library, upload.file("file").path, principal.actor)
-    return render(request, "exchange.html", {"imported": imported}, principal=principal, section=SECTION)
+    file, library = upload.file("file"), service.library
+    check_bundle(file.path)
+    bundle = library.audio.content(file.path)
+    with library.transaction(principal.actor) as session:
+        job = order_import(library, session, service.jobs, bundle, file.name, principal.actor)
+    return lead(service, f"/jobs/{job.id}")
