@@ -2,22 +2,15 @@
 
 import json
 import re
-from collections.abc import Iterator
 from functools import partial
 
 import pytest
 
-from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.inside import Inside
 from benchmarks.harness.sounds import sound
 from benchmarks.harness.worked_out import worked_out
 
 API = "/api/v1"
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inside]:
-    with inside(tmp_path_factory.mktemp("queue") / "data") as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

@@ -1,21 +1,14 @@
 """The page of alarms: what it makes, shows once, and refuses in words."""
 
 import re
-from collections.abc import Iterator
 
 import pytest
 from sqlalchemy import select
 
-from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.inside import Inside
 from casebase.store.models import AlarmReceiver, AlarmRule, Delivery
 
 HOOK = "https://tickets.example.com/in/secret-path"
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inside]:
-    with inside(tmp_path_factory.mktemp("page") / "data") as opened:
-        yield opened
 
 
 def send(service: Inside, path: str, **data: object) -> str:
