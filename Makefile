@@ -67,6 +67,8 @@ bench: setup
 
 challenge: setup
 	$(BIN)/python -m benchmarks.hidden_effects
+	$(BIN)/python -m benchmarks.hidden_effects.second out/second --seed 1
+	$(BIN)/python -m benchmarks.hidden_effects --folder out/second
 	$(BIN)/python -m pytest -m slow tests/sim/investigation tests/benchmarks
 
 # the half to work with; the other, --half final, is run once, at the end

@@ -1,4 +1,4 @@
-"""Effects of every kind, hidden by two simulations that share no code with the product: each is found as what it is.
+"""Effects of every kind, hidden by three simulations that share no code with the product: each is found as what it is.
 
 Short recordings, effects well above the noise. The full banks are `make challenge` and `make robots`.
 """
@@ -6,7 +6,7 @@ Short recordings, effects well above the noise. The full banks are `make challen
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,11 @@ import pytest
 from benchmarks.hidden_effects.bank import Entry
 from benchmarks.hidden_effects.generator import draw_recipe, generate, write
 from benchmarks.hidden_effects.product import investigate_together, together
-from benchmarks.hidden_effects.scoring import judge
+from benchmarks.hidden_effects.scoring import complete, judge
+from benchmarks.hidden_effects.second import scenario as second_scenario
+from benchmarks.hidden_effects.second.motion import TELEMETRY_RATE_HZ
+from benchmarks.hidden_effects.second.plan import PLAN
+from benchmarks.hidden_effects.second.sound import SOUND_RATE_HZ
 from benchmarks.robot_bank import scenario as robots
 
 SAID = 0.5
@@ -28,10 +32,10 @@ Make = Callable[[Path], JSON]
 """Writes a customer's files into a folder and returns the answer."""
 
 
-def axis(
+def first(
     group: str, seed: int, *effects: str, kind: str | None = None, load_encoder: bool = True, seconds: float = 12.0
 ) -> Make:
-    """A recording of an axis: telemetry at 500 Hz, or the sound of one whose telemetry nobody has."""
+    """A recording of the first source: telemetry at 500 Hz, or the sound of one whose telemetry nobody has."""
 
     def make(folder: Path) -> JSON:
         drawn = draw_recipe(seed, group, effects, "strong" if effects else "full", kind, load_encoder)
@@ -41,6 +45,21 @@ def axis(
             made = replace(made, telemetry={name: values[::4] for name, values in made.telemetry.items()})
         write(made, folder)
         return made.answer()
+
+    return make
+
+
+def second(seed: int, hidden: Mapping[str, str | None], *, stride: int = 4, seconds: float = 12.0) -> Make:
+    """A recording of the second source, its beginning; with no stride its sound alone."""
+
+    def make(folder: Path) -> JSON:
+        made = second_scenario.generate(seed, next(k for k, entry in enumerate(PLAN) if entry.hidden == hidden))
+        rows = slice(0, round(seconds * TELEMETRY_RATE_HZ), stride or None)
+        told = {column.name: getattr(made.recording, column.name)[rows] for column in fields(made.recording)}
+        heard = made.sound[: round(seconds * SOUND_RATE_HZ)]
+        second_scenario.write(replace(made, recording=replace(made.recording, **told), sound=heard), folder)
+        (folder / ("sound.wav" if stride else "telemetry.csv")).unlink()
+        return complete({"id": folder.name, **made.answer})
 
     return make
 
@@ -74,40 +93,41 @@ def robot(seed: int, kind: str) -> Make:
 
 
 NAMED: dict[str, Make] = {
-    "dry friction": axis("mechanics", 9_000_011, "coulomb_friction", kind="two shafts"),
-    "viscous friction": axis("mechanics", 9_300_011, "viscous_friction", kind="two shafts"),
-    "torque ripple": axis("mechanics", 9_000_041, "torque_ripple", kind="direct drive", load_encoder=False),
-    "mesh error at output": axis("mechanics", 9_200_131, "mesh_error", kind="three shafts", seconds=10.0),
-    "runout at transfer": axis("mechanics", 9_300_041, "eccentricity", kind="three shafts", seconds=8.0),
-    "play at output": axis("mechanics", 9_000_071, "backlash", kind="two shafts"),
-    "spring that hardens": axis("mechanics", 9_000_091, "stiffness_hardening", kind="two shafts"),
-    "spring with a loop": axis("mechanics", 9_000_101, "hysteresis", kind="two shafts"),
-    "torque that comes late": axis("sensor", 9_000_121, "time_delay", kind="direct drive", load_encoder=False),
-    "hum in the torque": axis("sensor", 9_000_131, "electrical_hum", kind="direct drive", load_encoder=False),
-    "torque constant that falls": sagging(
-        axis("null", 9_300_091, kind="direct drive", load_encoder=False, seconds=24.0), -0.15, 8.0, 16.0
-    ),
-    "two frictions at once": axis(
+    "dry friction": first("mechanics", 9_000_011, "coulomb_friction", kind="two shafts"),
+    "viscous friction": second(902, {"viscous_friction": None}),
+    "torque ripple": first("mechanics", 9_000_041, "torque_ripple", kind="direct drive", load_encoder=False),
+    "mesh error at output": first("mechanics", 9_200_131, "mesh_error", kind="three shafts", seconds=10.0),
+    "runout at transfer": second(924, {"eccentricity": "transfer"}, stride=8, seconds=8.0),
+    "play at output": first("mechanics", 9_000_071, "backlash", kind="two shafts"),
+    "spring that hardens": first("mechanics", 9_000_091, "stiffness_hardening", kind="two shafts"),
+    "spring with a loop": first("mechanics", 9_000_101, "hysteresis", kind="two shafts"),
+    "torque that comes late": first("sensor", 9_000_121, "time_delay", kind="direct drive", load_encoder=False),
+    "hum in the torque": first("sensor", 9_000_131, "electrical_hum", kind="direct drive", load_encoder=False),
+    "torque constant that falls": sagging(second(912, {}, seconds=24.0), -0.15, 8.0, 16.0),
+    "two frictions at once": first(
         "two", 9_000_181, "coulomb_friction", "viscous_friction", kind="direct drive", load_encoder=False
     ),
     "a joint's viscous friction": robot(9_100_003, "viscous_friction"),
     "a joint's torque offset": robot(9_100_012, "torque_offset"),
-    "tooth heard at output": axis("sound alone", 9_000_201, "tooth_damage", seconds=15.0),
-    "tooth heard at transfer": axis("sound alone", 9_100_211, "tooth_damage", seconds=15.0),
-    "play heard": axis("sound alone", 9_100_051, "backlash", seconds=15.0),
-    "play heard again": axis("sound alone", 9_100_151, "backlash", seconds=15.0),
-    "bearing heard": axis("sound alone", 9_000_221, "bearing_defect", seconds=15.0),
-    "hum heard": axis("sound alone", 9_100_511, "electrical_hum", seconds=15.0),
+    "tooth heard at output": first("sound alone", 9_000_201, "tooth_damage", seconds=15.0),
+    "tooth heard at transfer": first("sound alone", 9_100_211, "tooth_damage", seconds=15.0),
+    "another tooth heard at output": second(922, {"tooth_damage": "output"}, stride=0, seconds=15.0),
+    "play heard": first("sound alone", 9_100_051, "backlash", seconds=15.0),
+    "play heard again": first("sound alone", 9_100_151, "backlash", seconds=15.0),
+    "bearing heard": first("sound alone", 9_000_221, "bearing_defect", seconds=15.0),
+    "another bearing heard": second(910, {"bearing_defect": None}, stride=0, seconds=15.0),
+    "hum heard": first("sound alone", 9_100_511, "electrical_hum", seconds=15.0),
 }
 UNNAMED: dict[str, Make] = {
-    "speed": axis("unnamed", 9_000_161, "speed_band_friction", kind="direct drive", load_encoder=False),
-    "frequency": axis("unnamed", 9_000_171, "fixed_frequency_disturbance", kind="direct drive", load_encoder=False),
+    "speed": first("unnamed", 9_000_161, "speed_band_friction", kind="direct drive", load_encoder=False),
+    "frequency": first("unnamed", 9_000_171, "fixed_frequency_disturbance", kind="direct drive", load_encoder=False),
 }
 """By what it is said to live at."""
 NOTHING: dict[str, Make] = {
-    "good axis": axis("null", 9_000_001, kind="two shafts"),
-    "good sound": axis("sound alone null", 9_000_241, seconds=15.0),
-    "another good sound": axis("sound alone null", 9_100_671, seconds=15.0),
+    "good axis": first("null", 9_000_001, kind="two shafts"),
+    "another good axis": second(912, {}),
+    "good sound": first("sound alone null", 9_000_241, seconds=15.0),
+    "another good sound": first("sound alone null", 9_100_671, seconds=15.0),
 }
 
 
