@@ -1,10 +1,8 @@
 // What a page gains with JavaScript. Everything here has a way without it: forms post, links lead, charts are drawn.
 "use strict";
+import { all, dropped, importer, one } from "./import.js";
 import { recorder } from "./record.js";
 import { drawAnew, playhead, start, style } from "./plots.js";
-
-const one = (selector, root = document) => root.querySelector(selector);
-const all = (selector, root = document) => [...root.querySelectorAll(selector)];
 
 /* theme */
 function drawnBesides() {
@@ -95,6 +93,18 @@ async function described(form) {
     : `${file.name}: ${(file.size / 1e6).toFixed(2)} MB; rate and length are read on the server`;
 }
 
+/* several recordings: the table of this page, or the one of the page of a new diagnosis, put before this page's content */
+let many = one("[data-import]") && importer(one("[data-import]"));
+async function several(found) {
+  if (!many) {
+    const page = new DOMParser().parseFromString(await (await fetch(upload.action)).text(), "text/html");
+    one("main").prepend(one("[data-import]", page));
+    many = importer(one("[data-import]"));
+  }
+  one("[data-import]").scrollIntoView();
+  await many(await found);
+}
+
 /* drop a recording anywhere */
 const upload = one("form[data-upload]");
 const opener = one("[data-diagnose-link]");
@@ -115,6 +125,8 @@ if (upload || opener) {
     depth = 0;
     document.body.classList.remove("dragging");
     const form = one("main form[data-upload]") ?? upload;
+    const found = dropped(event.dataTransfer);
+    if (found) return several(found);
     if (!form || !event.dataTransfer.files.length) return;
     one("input[type=file]", form).files = event.dataTransfer.files;
     form.closest("dialog")?.showModal();
