@@ -85,7 +85,7 @@ def choices(library: Iterable[str]) -> Choices:
     ]
 
 
-def known_to_choose(service: Service, session: Session) -> dict[str, object]:
+def import_choices(service: Service, session: Session) -> dict[str, object]:
     """Return what a table of recordings offers: labels with their other words, axes, gearboxes, ways to verify."""
     places, labels = signatures(session), choices(one for one, _ in service.counts(session))
     described = {row.name for row in list_axes(session)}

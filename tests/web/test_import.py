@@ -52,9 +52,9 @@ def test_a_folder_becomes_cases_and_one_undo_takes_all_back(opened: Opened, site
     corrected = wanted - Counter({("g13", "pitting"): 1}) + Counter({("g13", "scored_face"): 1})
     with opened("admin", "/library/add") as page:
         drop(page, folder)
-        rows, said = page.locator(".many tbody tr"), page.locator(".many [data-said]")
+        rows, status = page.locator(".many tbody tr"), page.locator(".many [data-status]")
         expect(rows).to_have_count(24)
-        expect(said).to_contain_text("no recordings: 1")
+        expect(status).to_contain_text("no recordings: 1")
         expect(page.locator("[data-found]:empty")).to_have_count(0, timeout=120_000)
         expect(rows.first.locator("[data-found]")).to_contain_text("Cycle of")
         row = rows.filter(has_text="g13/pitting 2.wav")
@@ -64,10 +64,10 @@ def test_a_folder_becomes_cases_and_one_undo_takes_all_back(opened: Opened, site
         page.get_by_label("Verified, the same for all").select_option("opened")
         for attempt in range(2):
             page.get_by_role("button", name="Keep and diagnose all").click()
-            expect(said).to_contain_text("24 of 24 recordings done; gearboxes with cases: 3", timeout=120_000)
+            expect(status).to_contain_text("24 of 24 recordings done; gearboxes with cases: 3", timeout=120_000)
             assert cases(site.server) == corrected, attempt
             page.get_by_role("button", name="Undo").click()
-            expect(said).to_contain_text("24 recordings.")
+            expect(status).to_contain_text("24 recordings.")
             assert cases(site.server) == Counter()
         page.get_by_role("button", name="Keep and diagnose all").click()
         page.get_by_role("link", name="See them in the library").click(timeout=120_000)

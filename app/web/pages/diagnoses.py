@@ -35,7 +35,7 @@ from app.web.forms import (
     LabelGiven,
     Verified,
     choices,
-    known_to_choose,
+    import_choices,
     may_keep,
     number_of,
     said_how,
@@ -102,7 +102,7 @@ def listed(
 @router.get("/diagnoses/new")
 def upload_page(request: Request, session: Reading, service: TheService, principal: PageOperator) -> Response:
     """The form for those who do not drop, and the table of many recordings."""
-    context = {"base_url": str(request.base_url).rstrip("/"), **known_to_choose(service, session)}
+    context = {"base_url": str(request.base_url).rstrip("/"), **import_choices(service, session)}
     return render(request, "upload.html", context, principal=principal, section="/diagnoses")
 
 

@@ -31,7 +31,7 @@ from app.web.forms import (
     LabelQuestion,
     choices,
     damage_of,
-    known_to_choose,
+    import_choices,
     label_given,
     number,
     number_of,
@@ -169,7 +169,7 @@ def _changed(service: Service, step: int | None) -> Response:
 @router.get("/library/add")
 def add_page(request: Request, session: Reading, service: TheService, principal: PageAdmin) -> Response:
     """The form of a new case."""
-    context = known_to_choose(service, session)
+    context = import_choices(service, session)
     return render(request, "add_case.html", context, principal=principal, section=SECTION)
 
 

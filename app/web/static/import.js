@@ -40,18 +40,18 @@ function labelled(text, words) {
 }
 function recognised(paths, words, known) {
   const first = (name, parts) => known[name].map(([each, value]) => parts.some((part) => part.search(each) >= 0) && value).find(Boolean);
-  const told = paths.map((path) => {
+  const parsed = paths.map((path) => {
     const parts = path.replace(/\.[^./]*$/u, "").split("/").reverse(); // the file, then its folders upwards
     const axis = first("axis", parts) ?? parts.map((part) => part.match(AXIS)?.[0]).find(Boolean) ?? "";
     const [file, ...folders] = parts.map((part) => labelled(axis ? part.replace(pattern(axis), " ") : part, words));
     const label = [file, ...folders].map((each) => each.label).find(Boolean) ?? "";
     return { axis, label, gearbox: first("gearbox", parts), file: bare(file.rest.replace(/[\s_.-]+\d{1,3}$/u, "")), folders: folders.map(({ rest }) => rest) };
   });
-  const shared = (rest) => told.filter(({ file }) => file === rest).length;
-  return told.map(({ axis, label, gearbox, file, folders }) => {
-    const common = (folder) => told.every((other) => other.folders.includes(folder));
+  const shared = (rest) => parsed.filter(({ file }) => file === rest).length;
+  return parsed.map(({ axis, label, gearbox, file, folders }) => {
+    const common = (folder) => parsed.every((other) => other.folders.includes(folder));
     const folder = folders.find((each) => SERIAL.test(each) || (each && !DATE.test(each) && !common(each)));
-    const isOne = SERIAL.test(file) || (!folder && /\d/u.test(file) && !DATE.test(file) && shared(file) > 1 && shared(file) < told.length);
+    const isOne = SERIAL.test(file) || (!folder && /\d/u.test(file) && !DATE.test(file) && shared(file) > 1 && shared(file) < parsed.length);
     return { axis, label, gearbox: gearbox ?? (isOne ? file : (folder ?? "")) };
   });
 }
@@ -59,7 +59,7 @@ function recognised(paths, words, known) {
 /* the table of a page; `root` is its section */
 export function importer(root) {
   const { api, csrf, pages } = root.dataset;
-  const [form, body, said, bar, button, undo] = ["form", "tbody", "[data-said]", "progress", ".primary", "[data-undo]"].map((each) => one(each, root));
+  const [form, body, line, bar, button, undo] = ["form", "tbody", "[data-status]", "progress", ".primary", "[data-undo]"].map((each) => one(each, root));
   const template = one("template", root).content;
   const words = patterns(Object.entries(JSON.parse(root.dataset.words)).flatMap(([label, others]) => [label, ...others].map((each) => [each, label])));
   const listed = (name) => all(`[name=${name}] option`, template).map(({ value }) => value).filter((value) => /\p{L}.|\d{3}/u.test(value));
@@ -82,10 +82,10 @@ export function importer(root) {
       await new Promise((done) => setTimeout(done, 1000 * (Number(answer.headers.get("Retry-After")) || 1)));
     }
   }
-  function upload(row, path, documents, headers) {
+  function upload(row, path, name, document, headers) {
     const parts = new FormData();
     parts.append("file", row.file);
-    for (const [name, value] of Object.entries(documents)) parts.append(name, JSON.stringify(value));
+    parts.append(name, JSON.stringify(document));
     return ask(path, "POST", parts, headers);
   }
   const turn = async (waiting, work) => {
@@ -94,15 +94,16 @@ export function importer(root) {
   const together = (waiting, work) => Promise.all([turn(waiting, work), turn(waiting, work)]); // more of one key wait at the service
   function status(words = "") {
     const done = rows.length - left().length;
-    const boxes = new Set(rows.filter((row) => row.place === "cases/").map((row) => field(row, "gearbox").value)).size;
+    const boxes = new Set(rows.filter((row) => row.place === "cases/").map((row) => field(row, "gearbox").value).filter(Boolean)).size;
     [bar.hidden, bar.max, bar.value] = [!done && !sending, rows.length || 1, done];
-    said.textContent = `${done ? `${done} of ` : ""}${rows.length} recordings${done ? " done" : ""}${boxes ? `; gearboxes with cases: ${boxes}` : ""}. ${words}`;
+    line.textContent = `${done ? `${done} of ` : ""}${rows.length} recordings${done ? " done" : ""}${boxes ? `; gearboxes with cases: ${boxes}` : ""}. ${words}`;
   }
 
   /* lists: a new name is asked for, and stands in all of them from then on */
   function choose(name, value, where) {
-    for (const select of value ? [...all(`[data-kind=${name}]`, root), ...all(`[data-kind=${name}]`, template)] : []) {
-      if (![...select.options].some((option) => option.value === value)) select.insertBefore(new Option(value), one("option[value='+']", select));
+    const list = one(`[name=${name}]`, template);
+    if (![...list.options].some((option) => option.value === value)) {
+      for (const select of [list, ...all(`[data-kind=${name}]`, root)]) select.insertBefore(new Option(`${value} (new)`, value), one("option[value='+']", select));
     }
     for (const select of where) select.was = select.value = value;
   }
@@ -119,13 +120,13 @@ export function importer(root) {
     else changed(target);
   });
 
-  async function hear(row) {
+  async function recognise(row) {
     if (sending || !row.element.isConnected) return;
     row.bytes = `${row.file.size} ${await row.file.slice(row.file.size / 2, row.file.size / 2 + 4096).text()}`;
     const twin = rows.find((other) => other !== row && other.bytes === row.bytes);
     const same = twin ? `The same as ${twin.path}. ` : "";
     try {
-      const { quality, motion_period_s: period, neighbours } = await upload(row, "/retrievals", { query: { k: 1 } });
+      const { quality, motion_period_s: period, neighbours } = await upload(row, "/retrievals", "query", { k: 1 });
       const weak = ["unusable", "poor"].flatMap((how) => quality.filter(({ severity }) => severity === how))[0];
       const known = neighbours.filter(({ distance }) => distance < SAME).map((near) => link(`${pages}cases/${near.case_id}`, `The same as a case: ${near.label}`));
       show(row, "found", same, `${period ? `Cycle of ${period.toFixed(1)} s` : "No regular motion"}, ${weak ? `${weak.severity}: ${weak.reason}` : "good quality"}. `, ...known);
@@ -149,9 +150,8 @@ export function importer(root) {
       }
       one("[data-remove]", row.element).addEventListener("click", () => {
         rows = rows.filter((other) => other !== row);
-        const next = row.element.nextElementSibling ?? row.element.previousElementSibling ?? root;
+        one("button:enabled, input", row.element.nextElementSibling ?? row.element.previousElementSibling ?? root)?.focus();
         row.element.remove();
-        one("button:enabled, input", next)?.focus();
         status();
       });
       return row;
@@ -159,36 +159,36 @@ export function importer(root) {
     rows.push(...made);
     [form.hidden, button.disabled] = [!rows.length, sending || !rows.length];
     status(found.length > made.length ? `Left out, because they are no recordings: ${found.length - made.length}.` : "");
-    await together(made, hear);
+    await together(made, recognise);
   }
 
-  async function keep(row) {
+  async function store(row) {
     const given = Object.fromEntries(all("select", row.element).map(({ name, value }) => [name, value]).filter(([, value]) => value));
     if (!given.label) delete given.verification;
     const asked = JSON.stringify(given);
     if (row.asked !== asked) Object.assign(row, { asked, key: random() }); // what is sent again is done once
     show(row, "state", "sending");
     try {
-      const made = await upload(row, given.label ? "/cases" : "/diagnoses", { metadata: given }, { "Idempotency-Key": row.key, "X-Request-ID": step });
-      Object.assign(row, { place: given.label ? "cases/" : "diagnoses/", kept: given.label && made.isNew ? made.id : null });
-      show(row, "state", link(`${pages}${row.place}${made.id}`, !given.label ? "diagnosed" : row.kept ? "kept" : "there already"));
+      const made = await upload(row, given.label ? "/cases" : "/diagnoses", "metadata", given, { "Idempotency-Key": row.key, "X-Request-ID": step });
+      Object.assign(row, { place: given.label ? "cases/" : "diagnoses/", added: given.label && made.isNew ? made.id : null });
+      show(row, "state", link(`${pages}${row.place}${made.id}`, !given.label ? "diagnosed" : row.added ? "kept" : "there already"));
       all("select, button", row.element).forEach((each) => (each.disabled = true));
     } catch (error) {
       show(row, "state", error.message);
     }
     status();
   }
-  const newest = async () => (await ask(`/steps?kind=case&subject=${rows.find((row) => row.kept).kept}`, "GET")).items[0].number;
+  const newest = async () => (await ask(`/steps?kind=case&subject=${rows.find((row) => row.added).added}`, "GET")).items[0].number;
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     for (const row of left()) if (field(row, "verification")) field(row, "verification").required = field(row, "label").value !== "";
     if (!form.reportValidity()) return;
     const busy = (is) => ([sending, one("table", root).inert, button.disabled] = [is, is, is || !left().length]);
     busy(true);
-    await together(left(), keep);
+    await together(left(), store);
     busy(false);
-    undo.hidden = !rows.some((row) => row.kept);
-    if (!undo.hidden) said.append(link(`${pages}library?step=${await newest()}`, "See them in the library"));
+    undo.hidden = !rows.some((row) => row.added);
+    if (!undo.hidden) line.append(link(`${pages}library?step=${await newest()}`, "See them in the library"));
   });
   undo.addEventListener("click", async () => {
     try {
@@ -196,8 +196,8 @@ export function importer(root) {
     } catch (error) {
       return status(error.message);
     }
-    for (const row of rows.filter((each) => each.kept)) {
-      Object.assign(row, { place: null, kept: null, asked: null });
+    for (const row of rows.filter((each) => each.added)) {
+      Object.assign(row, { place: null, added: null, asked: null });
       show(row, "state", "taken back");
       all("select, button", row.element).forEach((each) => (each.disabled = false));
     }
