@@ -11,14 +11,18 @@ from typing import Annotated, Literal, TypeVar
 
 from fastapi import Depends, Form, Request
 from pydantic import TypeAdapter, ValidationError
+from sqlalchemy.orm import Session
 
+from app.fleet import natural
 from app.http.errors import Forbidden, Unprocessable
 from app.http.security import Principal, Role
 from app.http.uploads import Upload
 from app.recordings.intake import Intake, RecordingMetadata, read_metadata, take_in
 from app.report.words import NAMES, name_of
 from app.service import Service, TheService
-from casebase.labels import GEAR_DAMAGE
+from casebase.axes import list_axes
+from casebase.gearboxes import signatures
+from casebase.labels import GEAR_DAMAGE, OTHER_WORDS
 from casebase.store.fields import Label
 from sim.experiment.design_of_experiments import LABELS
 from sim.mechanisms import MECHANISMS
@@ -79,6 +83,19 @@ def choices(library: Iterable[str]) -> Choices:
     return groups + [
         (group, [(label, _words(label)) for label in labels if label not in own]) for group, labels in STANDARDS
     ]
+
+
+def import_choices(service: Service, session: Session) -> dict[str, object]:
+    """Return what a table of recordings offers: labels with their other words, axes, gearboxes, ways to verify."""
+    places, labels = signatures(session), choices(one for one, _ in service.counts(session))
+    described = {row.name for row in list_axes(session)}
+    return {
+        "choices": labels,
+        "other_words": {label: _other_words(label) for _, group in labels for label, _ in group},
+        "axes": sorted({axis for axis, _ in places if axis} | described, key=natural),
+        "gearboxes": sorted({gearbox for _, gearbox in places if gearbox}, key=natural),
+        "ways": VERIFICATIONS,
+    }
 
 
 def damage_of(label: str | None) -> str:
@@ -155,8 +172,9 @@ def near_labels(new: str, known: Collection[str]) -> list[str]:
 
 
 def _other_words(label: str) -> list[str]:
-    """Return the words of the workshop for a label: those before and within the parentheses of its name."""
-    return [word.strip() for word in re.split(r"[()]", NAMES.get(label, "")) if word.strip()]
+    """Return the words of the workshop for a label: those before and within the parentheses of its name, and others."""
+    named = [word.strip() for word in re.split(r"[()]", NAMES.get(label, "")) if word.strip()]
+    return [*named, *OTHER_WORDS.get(label, ())]
 
 
 def _squeezed(word: str) -> str:

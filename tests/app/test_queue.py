@@ -106,6 +106,18 @@ def test_a_case_is_kept_only_if_it_is_said_how_it_was_verified_and_is_found_by_t
     assert service.ask("GET", f"{API}/diagnoses/{one}").json()["revision"]["state"] != "corrected"
 
 
+def test_requests_of_one_step_are_taken_back_together(service: Inside) -> None:
+    made, headers = [], {"X-Request-ID": "step-of-two-files"}
+    for seed in (51, 52):
+        parts = {"file": (f"{seed}.wav", sound(seed)), "metadata": (None, '{"label": "scuffing"}')}
+        made.append(service.ask("POST", f"{API}/cases", files=parts, headers=headers).raise_for_status().json()["id"])
+    (step,) = service.ask("GET", f"{API}/steps?kind=case&subject={made[0]}").json()["items"]
+    assert step["what"] == "2 cases were kept."
+    assert {each["id"] for each in step["subjects"]} == set(made)
+    assert service.ask("POST", f"{API}/steps/{step['number']}/undo").json()["role"] == "admin"
+    assert service.ask("GET", f"{API}/cases?label=scuffing").json()["items"] == []
+
+
 def test_a_program_answers_the_queue_and_takes_it_back(service: Inside) -> None:
     """The first waiting diagnosis is answered and kept; the steps with it are undone in the opposite order, once."""
     for seed in (41, 42):

@@ -35,6 +35,7 @@ from app.web.forms import (
     LabelGiven,
     Verified,
     choices,
+    import_choices,
     may_keep,
     number_of,
     said_how,
@@ -99,9 +100,9 @@ def listed(
 
 
 @router.get("/diagnoses/new")
-def upload_page(request: Request, principal: PageOperator) -> Response:
-    """The form for those who do not drop."""
-    context = {"base_url": str(request.base_url).rstrip("/")}
+def upload_page(request: Request, session: Reading, service: TheService, principal: PageOperator) -> Response:
+    """The form for those who do not drop, and the table of many recordings."""
+    context = {"base_url": str(request.base_url).rstrip("/"), **import_choices(service, session)}
     return render(request, "upload.html", context, principal=principal, section="/diagnoses")
 
 

@@ -31,6 +31,7 @@ from app.web.forms import (
     LabelQuestion,
     choices,
     damage_of,
+    import_choices,
     label_given,
     number,
     number_of,
@@ -168,7 +169,7 @@ def _changed(service: Service, step: int | None) -> Response:
 @router.get("/library/add")
 def add_page(request: Request, session: Reading, service: TheService, principal: PageAdmin) -> Response:
     """The form of a new case."""
-    context = {"choices": choices(one for one, _ in service.counts(session)), "ways": VERIFICATIONS}
+    context = import_choices(service, session)
     return render(request, "add_case.html", context, principal=principal, section=SECTION)
 
 
