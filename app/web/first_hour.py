@@ -9,8 +9,8 @@ from typing import NamedTuple
 from sqlalchemy.orm import Session
 
 from app.jobs.job import Job
-from app.report.formatting import percent, sentence
-from app.report.words import CALIBRATED_FROM, name_of
+from app.report.formatting import name_of, percent, sentence
+from app.report.words import CALIBRATED_FROM
 from app.service import Service
 from casebase.labels import BASELINES
 from casebase.origins import MEASURED, SIMULATED

@@ -16,7 +16,7 @@ from app.http.errors import Forbidden, Unprocessable
 from app.http.security import Principal, Role
 from app.http.uploads import Upload
 from app.recordings.intake import Intake, RecordingMetadata, read_metadata, take_in
-from app.report.words import NAMES, name_of
+from app.report.formatting import NAMES, name_of
 from app.service import Service, TheService
 from casebase.labels import GEAR_DAMAGE
 from casebase.store.fields import Label
@@ -72,12 +72,12 @@ def choices(library: Iterable[str]) -> Choices:
     """Return the labels to choose from, in groups of (label, words): those of the library first.
 
     >>> [words for group, labels in choices(["notch", "pitting"]) for _, words in labels][:3]
-    ['normal: no fault indicated', 'notch: tooth damage (notch)', 'pitting']
+    ['no fault', 'tooth damage', 'pitting']
     """
     own = sorted({*library, *NAMES})
-    groups: Choices = [("In the library", [(label, _words(label)) for label in own])]
+    groups: Choices = [("In the library", [(label, name_of(label)) for label in own])]
     return groups + [
-        (group, [(label, _words(label)) for label in labels if label not in own]) for group, labels in STANDARDS
+        (group, [(label, name_of(label)) for label in labels if label not in own]) for group, labels in STANDARDS
     ]
 
 
@@ -89,11 +89,6 @@ def damage_of(label: str | None) -> str:
     """
     name = LABELS.get(label or "", label) or ""
     return MECHANISMS[name].damage if name in MECHANISMS else GEAR_DAMAGE.get(name, "")
-
-
-def _words(label: str) -> str:
-    name = name_of(label)
-    return f"{label}: {name}" if label in NAMES else name
 
 
 def chosen(label: str, another: str, sure: bool, library: Iterable[str]) -> str:
@@ -150,13 +145,8 @@ def near_labels(new: str, known: Collection[str]) -> list[str]:
     >>> near_labels("loose_mounting", ["normal", "notch", "play"])
     []
     """
-    meant = {_squeezed(word): label for label in known for word in (label, *_other_words(label))}
+    meant = {_squeezed(word): label for label in known for word in (label, name_of(label))}
     return list(dict.fromkeys(meant[word] for word in get_close_matches(_squeezed(new), meant)))
-
-
-def _other_words(label: str) -> list[str]:
-    """Return the words of the workshop for a label: those before and within the parentheses of its name."""
-    return [word.strip() for word in re.split(r"[()]", NAMES.get(label, "")) if word.strip()]
 
 
 def _squeezed(word: str) -> str:

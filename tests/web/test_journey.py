@@ -299,11 +299,11 @@ def test_better_model_is_accepted_once(opened: Opened, site: Site) -> None:
             expect(page.get_by_role("region", name=title).locator("[data-ready] canvas")).to_be_visible()
         expect(page.get_by_role("region", name="Motor torque: residual").get_by_text("noise floor")).to_be_visible()
         expect(page.get_by_text("rolling bearings were not examined")).to_be_visible()
-        page.get_by_role("button", name="Enter in the description").click()
+        page.get_by_role("button", name="Update the description").click()
         page.wait_for_url("**/axes/one*body")
         expect(page.get_by_text("Revision 2,")).to_be_visible()  # the first is the description as it was given
         page.goto(site.url + path)
-        expect(page.get_by_role("button", name="Enter in the description")).to_have_count(0)
+        expect(page.get_by_role("button", name="Update the description")).to_have_count(0)
         page.get_by_role("link", name="revision 2 of").click()
         page.wait_for_url("**/axes/one*body")
     with browsing(site, "admin") as client:

@@ -38,8 +38,8 @@ def document(**changes: object) -> dict[str, Any]:
         "quality": [],
         "severity": {"parameter": "depth_rad", "value": 1.4e-3, "low": 5.6e-4, "high": 3.7e-3, "cases": 30},
         "evidence": [
-            {"kind": "event", "quantity": "notch_phase", "value": 263.0, "statement": "a bump", "unit": "deg"},
-            {"kind": "event", "quantity": "play_phase", "value": 329.0, "statement": "a bump", "unit": "deg"},
+            {"kind": "event", "quantity": "notch_phase", "value": 263.0, "statement": "an impact", "unit": "deg"},
+            {"kind": "event", "quantity": "play_phase", "value": 329.0, "statement": "an impact", "unit": "deg"},
         ],
         "novelty": {"distance": 0.1, "threshold": 0.4},
         "provenance": {"gearboxes": 4},
@@ -48,7 +48,7 @@ def document(**changes: object) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("gearboxes", "said"), [(0, "0.90 of 1"), (1, "0.90 of 1"), (2, percent(0.9)), (40, percent(0.9))]
+    ("gearboxes", "said"), [(0, "score 0.90"), (1, "score 0.90"), (2, percent(0.9)), (40, percent(0.9))]
 )
 def test_how_sure_stands_in_per_cent_only_where_it_is_calibrated(gearboxes: int, said: str) -> None:
     told = document(provenance={"gearboxes": gearboxes})
@@ -78,7 +78,7 @@ def undecided(**changes: object) -> dict[str, Any]:
 
 def test_what_is_excluded_is_not_left() -> None:
     summary = verdict_of(undecided()).summary
-    assert "backlash (play)" in summary
+    assert "backlash" in summary
     assert "no fault" not in summary
     assert "excluded" in verdict_of(undecided(labels=[])).summary, "nothing is left"
 

@@ -16,7 +16,7 @@ from app.background_cache import Pending
 from app.http.errors import Unprocessable
 from app.http.security import check_csrf
 from app.http.uploads import TheUpload
-from app.report.words import name_of
+from app.report.formatting import name_of
 from app.service import Reading, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
 from app.web.forms import MOST_AT_ONCE

@@ -302,6 +302,20 @@ if (player && window.WaveSurfer) {
     cspNonce: nonce,
   });
   addEventListener("gearcase:theme", () => wave.setOptions(colours()));
+  // the spectrogram and the marks lie in the waveform, so that playhead and zoom are theirs, too
+  const marks = Object.entries(JSON.parse(player.dataset.marks ?? "{}")).flatMap(([part, times]) =>
+    times.map((seconds) => {
+      const mark = document.createElement("span");
+      mark.setAttribute("part", part);
+      mark.style.left = `${(100 * seconds) / player.dataset.seconds}%`;
+      return mark;
+    }),
+  );
+  const drawn = [...all("img", player), ...marks];
+  wave.getWrapper().append(...drawn);
+  const zoom = one("[data-zoom]");
+  if (zoom) zoom.hidden = false;
+  zoom?.addEventListener("input", ({ target }) => wave.zoom((target.value * player.clientWidth) / wave.getDuration()));
   one("audio[data-plain]")?.remove();
   const button = one("[data-play]");
   const clock = one("[data-clock]");
@@ -324,6 +338,7 @@ if (player && window.WaveSurfer) {
       other = back ? null : choice;
       choice.setAttribute("aria-pressed", String(!back));
       const at = wave.getCurrentTime();
+      drawn.forEach((each) => (each.hidden = !back)); // they are of this recording alone
       wave.load(back ? player.dataset.audio : choice.dataset.compare).then(() => {
         const reference = Math.min(own, level);
         wave.setVolume(Math.min(1, reference / (back ? own : level)));
