@@ -300,7 +300,7 @@ def why(document: Mapping[str, Any]) -> str:
     if time_in_cycle(document, document["label"]):
         where = "in one direction alone" if document["label"] == "notch" else "around its reversals"
         return f"An impact comes in every cycle of the motion, {where}."
-    compared = [item for item in document["evidence"] if item["kind"] == "feature"]
+    compared = [item for item in document.get("evidence", ()) if item["kind"] == "feature"]
     if not compared:
         return ""
     item = max(compared, key=lambda each: float(each["share"]))
@@ -320,8 +320,8 @@ def sides_of(item: Mapping[str, Any]) -> Iterator[tuple[str, Markup]]:
 
 
 def value_of(document: Mapping[str, Any], name: str) -> float | None:
-    """Return the value of a quantity of the evidence; None where it is not there."""
-    return next((item["value"] for item in document["evidence"] if item["quantity"] == name), None)
+    """Return the value of a quantity of the evidence; None where it is not there, as in lists, which do without it."""
+    return next((item["value"] for item in document.get("evidence", ()) if item["quantity"] == name), None)
 
 
 def time_in_cycle(document: Mapping[str, Any], label: str | None) -> str:

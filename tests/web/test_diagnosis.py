@@ -1,4 +1,4 @@
-"""The page of one diagnosis: the first screen has all that somebody at the robot needs, and the word of a person leads."""
+"""The page of one diagnosis: its first screen has all that is needed at the robot, and a person's verdict leads."""
 
 import json
 

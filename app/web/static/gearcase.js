@@ -425,13 +425,6 @@ if (pair) {
   });
 }
 
-/* what was folded away stays folded away */
-for (const element of all("details[data-remember]")) {
-  const name = `gearcase-${element.dataset.remember}`;
-  if (localStorage.getItem(name) === "closed") element.open = false;
-  element.addEventListener("toggle", () => localStorage.setItem(name, element.open ? "open" : "closed"));
-}
-
 /* on a narrow screen tables are cards, whose values say what they are */
 const LONG = 40; // characters from which on a value has a line of its own
 function asCards(root) {
