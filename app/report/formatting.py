@@ -147,6 +147,7 @@ def _environment() -> Environment:
         feature_words=feature_words,
         named=named,
         quantity=quantity,
+        sentence=sentence,
         parameter_words=words_of,
         percent=percent,
         label_badge=label_badge,

@@ -65,7 +65,7 @@ def test_the_first_hour_from_an_empty_data_directory(page: Page) -> None:
     form.get_by_role("button", name="Check and keep it").click()
     page.wait_for_url("**recorded=*")
     expect(page.locator("#record tbody tr")).to_contain_text(["w1"])
-    expect(page.locator("#record")).to_contain_text("1 measured case of 1 gearbox: 1 normal.")
+    expect(page.locator("#record")).to_contain_text("1 measured case of 1 gearbox: 1 no fault.")
     expect(banner).to_contain_text("Next: Simulate its cases.")
     page.get_by_label("Cases of each of normal, play, notch").fill("1")
     page.get_by_role("button", name="Simulate", exact=True).click()

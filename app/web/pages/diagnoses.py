@@ -234,7 +234,7 @@ def revise(
         session.flush()
         step = newest_of(session, name)
     if place is None:
-        return lead(service, f"/diagnoses/{diagnosis_id}?step={step}#revise")
+        return lead(service, f"/diagnoses/{diagnosis_id}?step={step}")
     left = queue_of(service)
     after = place.after if place.after in left else next(iter(left), None)
     return lead(service, f"/diagnoses/{after}?queue=1&step={step}" if after else f"/queue?step={step}")
