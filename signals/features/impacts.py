@@ -44,7 +44,7 @@ class Repetition(FeatureFamily):
         FeatureDefinition(
             "repetition_after_half_cycle_12_200_hz",
             "1",
-            "Correlation of the envelope with itself one stroke later: high for what both directions have, as backlash.",
+            "Correlation of the envelope with itself one stroke later: high for what both directions have: backlash.",
             "autocorrelation",
         ),
     )

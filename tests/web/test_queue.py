@@ -1,4 +1,4 @@
-"""What needs a person, by keys alone: begin, answer, the next one opens, take it back."""
+"""Diagnoses to check, by keys alone: begin, answer, the next one opens, take it back."""
 
 import json
 
