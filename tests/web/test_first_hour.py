@@ -67,7 +67,7 @@ def test_the_first_hour_from_an_empty_data_directory(page: Page) -> None:
     expect(page.locator("#record tbody tr")).to_contain_text(["w1"])
     expect(page.locator("#record")).to_contain_text("1 measured case of 1 gearbox: 1 no fault.")
     expect(banner).to_contain_text("Next: Simulate its cases.")
-    page.get_by_label("Cases of each of normal, play, notch").fill("1")
+    page.get_by_label("Cases of each of no fault, backlash, tooth damage").fill("1")
     page.get_by_role("button", name="Simulate", exact=True).click()
     simulated = page.locator("#simulated")
     expect(simulated).to_contain_text("3 simulated cases: 1 normal, 1 notch and 1 play.", timeout=120_000)
