@@ -18,7 +18,7 @@ from app.http.errors import Forbidden, Unprocessable
 from app.http.security import Principal, Role
 from app.http.uploads import Upload
 from app.recordings.intake import Intake, RecordingMetadata, read_metadata, take_in
-from app.report.words import NAMES, name_of
+from app.report.formatting import NAMES, name_of
 from app.service import Service, TheService
 from casebase.axes import list_axes
 from casebase.gearboxes import signatures
@@ -76,12 +76,12 @@ def choices(library: Iterable[str]) -> Choices:
     """Return the labels to choose from, in groups of (label, words): those of the library first.
 
     >>> [words for group, labels in choices(["notch", "pitting"]) for _, words in labels][:3]
-    ['normal: no fault indicated', 'notch: tooth damage (notch)', 'pitting']
+    ['no fault', 'tooth damage', 'pitting']
     """
     own = sorted({*library, *NAMES})
-    groups: Choices = [("In the library", [(label, _words(label)) for label in own])]
+    groups: Choices = [("In the library", [(label, name_of(label)) for label in own])]
     return groups + [
-        (group, [(label, _words(label)) for label in labels if label not in own]) for group, labels in STANDARDS
+        (group, [(label, name_of(label)) for label in labels if label not in own]) for group, labels in STANDARDS
     ]
 
 
@@ -106,11 +106,6 @@ def damage_of(label: str | None) -> str:
     """
     name = LABELS.get(label or "", label) or ""
     return MECHANISMS[name].damage if name in MECHANISMS else GEAR_DAMAGE.get(name, "")
-
-
-def _words(label: str) -> str:
-    name = name_of(label)
-    return f"{label}: {name}" if label in NAMES else name
 
 
 def chosen(label: str, another: str, sure: bool, library: Iterable[str]) -> str:
@@ -172,9 +167,8 @@ def near_labels(new: str, known: Collection[str]) -> list[str]:
 
 
 def _other_words(label: str) -> list[str]:
-    """Return the words of the workshop for a label: those before and within the parentheses of its name, and others."""
-    named = [word.strip() for word in re.split(r"[()]", NAMES.get(label, "")) if word.strip()]
-    return [*named, *OTHER_WORDS.get(label, ())]
+    """Return the words of the workshop for a label: that of pages, and others."""
+    return [name_of(label), *OTHER_WORDS.get(label, ())]
 
 
 def _squeezed(word: str) -> str:

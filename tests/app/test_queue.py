@@ -50,10 +50,10 @@ def test_after_a_verdict_the_next_one_opens_and_undo_brings_the_last_one_back(
     assert led.startswith(f"/diagnoses/{second}?queue=1&step=")
     page = service.browse("GET", led).text
     assert "3.wav: corrected as play." in page
-    assert "1 of 2 that need a person" in page
+    assert "1 of 2 to check" in page
     led = undo(service, page)
     assert led.startswith(f"/diagnoses/{first}?")
-    assert "1 of 3 that need a person" in service.browse("GET", led).text
+    assert "1 of 3 to check" in service.browse("GET", led).text
     assert service.ask("GET", f"{API}/diagnoses/{first}").json()["revision"] == {
         "state": "open", "label": None, "verified_by": None, "verification": None, "note": None, "by": None, "at": None
     }  # fmt: skip

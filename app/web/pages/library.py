@@ -358,9 +358,10 @@ def spectrogram(
     principal: Visitor,
     recording_id: str,
     theme: Literal["light", "dark"] = "light",
+    top_hz: Annotated[float, Query(ge=0, le=1e6)] = 0.0,
 ) -> Response:
     """The spectrogram, drawn here because browsers resample sound."""
     allowed(session, principal, request, recording_id)
     row = service.library.retrieve.recording(session, recording_id)
-    image = spectrogram_png(service, row, dark=theme == "dark")
+    image = spectrogram_png(service, row, dark=theme == "dark", top_hz=top_hz)
     return Response(image, headers=api.UNTIL_ERASED, media_type="image/png")

@@ -313,6 +313,20 @@ if (player && window.WaveSurfer) {
     cspNonce: nonce,
   });
   addEventListener("gearcase:theme", () => wave.setOptions(colours()));
+  // the spectrogram and the marks lie in the waveform, so that playhead and zoom are theirs, too
+  const marks = Object.entries(JSON.parse(player.dataset.marks ?? "{}")).flatMap(([part, times]) =>
+    times.map((seconds) => {
+      const mark = document.createElement("span");
+      mark.setAttribute("part", part);
+      mark.style.left = `${(100 * seconds) / player.dataset.seconds}%`;
+      return mark;
+    }),
+  );
+  const drawn = [...all("img", player), ...marks];
+  wave.getWrapper().append(...drawn);
+  const zoom = one("[data-zoom]");
+  if (zoom) zoom.hidden = false;
+  zoom?.addEventListener("input", ({ target }) => wave.zoom((target.value * player.clientWidth) / wave.getDuration()));
   one("audio[data-plain]")?.remove();
   const button = one("[data-play]");
   const clock = one("[data-clock]");
@@ -335,6 +349,7 @@ if (player && window.WaveSurfer) {
       other = back ? null : choice;
       choice.setAttribute("aria-pressed", String(!back));
       const at = wave.getCurrentTime();
+      drawn.forEach((each) => (each.hidden = !back)); // they are of this recording alone
       wave.load(back ? player.dataset.audio : choice.dataset.compare).then(() => {
         const reference = Math.min(own, level);
         wave.setVolume(Math.min(1, reference / (back ? own : level)));
@@ -419,13 +434,6 @@ if (pair) {
     second.currentTime = at;
     if (plays) second.play();
   });
-}
-
-/* what was folded away stays folded away */
-for (const element of all("details[data-remember]")) {
-  const name = `gearcase-${element.dataset.remember}`;
-  if (localStorage.getItem(name) === "closed") element.open = false;
-  element.addEventListener("toggle", () => localStorage.setItem(name, element.open ? "open" : "closed"));
 }
 
 /* on a narrow screen tables are cards, whose values say what they are */

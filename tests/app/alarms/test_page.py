@@ -52,14 +52,14 @@ def test_from_a_receiver_to_a_message(service: Inside) -> None:
     assert named.status_code == 409
     assert "large notches" in named.text
     send(service, f"rules/{rule.id}/remove", x="")
-    assert "Nobody is told of anything" in send(service, f"receivers/{receiver.id}/remove", x="")
+    assert "Nobody gets a message" in send(service, f"receivers/{receiver.id}/remove", x="")
 
 
 @pytest.mark.parametrize(
     ("path", "data", "words"),
     [
         ("receivers", {"name": "a", "kind": "email", "address": "a@b", "quiet_from": "22:00"}, "quiet hours are two"),
-        ("rules", {"name": "a", "kind": "state"}, "Say who is told"),
+        ("rules", {"name": "a", "kind": "state"}, "Say who gets the message"),
         ("rules", {"name": "a", "kind": "state", "receivers": "0" * 32}, "receivers that are there"),
         ("rules", {"name": "a", "kind": "state", "receivers": "0" * 32, "least_probability": "x"}, "must be a number"),
     ],
