@@ -39,7 +39,15 @@ def constants(node: ast.AST) -> int:
 def sizes(files: list[str]) -> dict[str, Counter[str]]:
     """Count what has a budget, by folder or document."""
     found: dict[str, Counter[str]] = {
-        name: Counter() for name in ("statements", "constants", "files_in_a_folder", "words", "lines_of_tests")
+        name: Counter()
+        for name in (
+            "statements",
+            "constants",
+            "files_in_a_folder",
+            "words",
+            "lines_of_tests",
+            "lines_of_tests_and_benchmarks",
+        )
     }
     for name in files:
         path = Path(name)
@@ -49,8 +57,9 @@ def sizes(files: list[str]) -> dict[str, Counter[str]]:
             found["words"][name] += len(path.read_text().split())
         if path.suffix != ".py":
             continue
-        if path.parts[0] == "tests":
-            found["lines_of_tests"][str(path.parent)] += path.read_text().count("\n")
+        for what in ("lines_of_tests", "lines_of_tests_and_benchmarks"):
+            if path.parts[0] in what.split("_"):
+                found[what][str(path.parent)] += path.read_text().count("\n")
         if path.parts[0] in PACKAGES:
             nodes = list(ast.walk(ast.parse(path.read_text())))
             docstrings = sum(isinstance(one, DOCUMENTED) and ast.get_docstring(one) is not None for one in nodes)

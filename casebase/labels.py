@@ -2,6 +2,8 @@
 
 BASELINES = ("normal", "healthy")
 """Labels of gears without a fault."""
+OTHER_WORDS = {"normal": ("good", "healthy", "as new", "ok", "no fault"), "notch": ("chipped",)}
+"""What else people call them, in names of files too."""
 PARAMETERS = {"play": "gap_rad", "notch": "depth_rad"}
 """What the size of a label is called in the contract."""
 

@@ -7,7 +7,8 @@ from datetime import datetime
 from typing import Any
 from zoneinfo import ZoneInfo
 
-from app.report.words import VERDICTS, name_of, one_of
+from app.report.formatting import name_of
+from app.report.words import VERDICTS, one_of
 from casebase.errors import InvalidRequestError
 from casebase.store.models import Delivery
 
@@ -100,12 +101,12 @@ def _of_state(facts: Mapping[str, Any], zone: str) -> tuple[str, tuple[str, ...]
     else:
         said = name_of(label) if label else one_of(left or ())
         if facts["probability"] is not None:
-            sure = f"{100 * facts['probability']:.0f} %" if facts["calibrated"] else f"{facts['probability']:.2f} of 1"
+            sure = f"{100 * facts['probability']:.0f} %" if facts["calibrated"] else f"score {facts['probability']:.2f}"
             said += f", how sure: {sure}"
         if facts["size_rad"] is not None:
             said += f", size {1000 * facts['size_rad']:.2g} mrad"
     heard = f"It was recorded on {_local(facts['heard_at'], zone)}."
-    return f"{subject_of(facts)}: {said}", (heard, _rule(facts), "You are told once, until this has been over.")
+    return f"{subject_of(facts)}: {said}", (heard, _rule(facts), "This is sent once, until this has been over.")
 
 
 def _of_silence(facts: Mapping[str, Any], zone: str) -> tuple[str, tuple[str, ...]]:
@@ -117,7 +118,7 @@ def _of_silence(facts: Mapping[str, Any], zone: str) -> tuple[str, tuple[str, ..
             "Look whether the recorder runs. If the gearbox was exchanged, note it on its page. If it stands still, "
             "there is nothing to do.",
             _rule(facts),
-            "You are told once, until it is heard again.",
+            "This is sent once, until it is heard again.",
         ),
     )
 
@@ -129,7 +130,7 @@ def _of_change(facts: Mapping[str, Any], zone: str) -> tuple[str, tuple[str, ...
             f"The change began about {_local(facts['began_at'], zone)}. The page of the gearbox shows what changed.",
             "Record it again soon, in the same motion, with the same payload and the microphone at the same place.",
             _rule(facts),
-            "You are told once, until this has been over.",
+            "This is sent once, until this has been over.",
         ),
     )
 

@@ -49,12 +49,15 @@ def told(session: Session, number: int | None) -> StepTaken | None:
 def described(session: Session, entries: Sequence[AuditEntry]) -> StepTaken:
     """Return in words what the entries of one step say, the newest first."""
     revised = next((one for one in entries if one.subject_kind == "diagnosis"), None)
-    kept = next((one.subject_id for one in entries if one.action == RETAINED), None)
+    cases = [one.subject_id for one in entries if one.action == RETAINED]
+    kept = cases[0] if len(cases) == 1 else None
     changed = [one.subject_id for one in entries if one.action == CHANGED]
     words, path = [], "/library"
     if revised is not None:
         words.append(_revised(session, revised))
         path = f"/diagnoses/{revised.subject_id}"
+    if len(cases) > 1:
+        words.append(f"{len(cases)} cases were kept")
     if kept is not None:
         case = session.get(Case, kept)
         words.append("kept as a case of the library" if revised else "A case was kept")
@@ -67,7 +70,7 @@ def described(session: Session, entries: Sequence[AuditEntry]) -> StepTaken:
         what = f"labelled {', '.join(labels)}" if labels else "changed"
         words.append(f"{len(changed)} {'case' if len(changed) == 1 else 'cases'} {what}")
         path = f"/cases/{changed[0]}" if len(changed) == 1 else "/library"
-    return StepTaken(entries[0].id, f"{' and '.join(words)}.", path, kept, kept is not None or bool(changed))
+    return StepTaken(entries[0].id, f"{' and '.join(words)}.", path, kept, bool(cases or changed))
 
 
 def _revised(session: Session, entry: AuditEntry) -> str:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, StrictInt, model_validator
 from sqlalchemy.orm import Session
 
-from app.documents import Question
+from app.documents import QualityDocument, Question
 from app.recordings.intake import DecodedRecording
 from casebase.library import CaseLibrary
 from casebase.reasoning.priors import LEVEL, prior_of
@@ -105,6 +105,8 @@ class RetrievalAnswer(BaseModel):
     neighbours: list[NeighbourAnswer]
     library_version: int
     remarks: list[str]
+    quality: list[QualityDocument] = Field([], description="what weakens the recording")
+    motion_period_s: float | None = Field(None, description="of the back and forth, given or found; null: none")
 
 
 def neighbours_of(library: CaseLibrary, heard: DecodedRecording, query: NeighbourQuery) -> RetrievalAnswer:
@@ -112,7 +114,9 @@ def neighbours_of(library: CaseLibrary, heard: DecodedRecording, query: Neighbou
     flags = [flag.reason for flag in heard.extraction.quality if flag.severity is not FlagLevel.NOTE]
     values = heard.extraction.features.values
     with library.reading() as session:
-        return _nearest(library, session, query, values, heard.description.axis, [*heard.remarks, *flags])
+        found = _nearest(library, session, query, values, heard.description.axis, [*heard.remarks, *flags])
+    quality = [QualityDocument.model_validate(flag) for flag in heard.extraction.quality]
+    return found.model_copy(update={"quality": quality, "motion_period_s": heard.extraction.motion.period_s})
 
 
 def neighbours_of_stored(library: CaseLibrary, query: NeighbourQuery) -> RetrievalAnswer:
@@ -128,7 +132,9 @@ def neighbours_of_stored(library: CaseLibrary, query: NeighbourQuery) -> Retriev
             row = library.retrieve.recording(session, query.recording_id or "")
         stored = library.retrieve.features(session, row)
         values = feature_values([stored.finite], [stored.missing])[0]
-        return _nearest(library, session, query, values, row.axis, [], without=row.sound_id)
+        found = _nearest(library, session, query, values, row.axis, [], without=row.sound_id)
+    quality = [QualityDocument.model_validate(flag) for flag in row.quality]
+    return found.model_copy(update={"quality": quality, "motion_period_s": stored.motion.get("period_s")})
 
 
 def _nearest(

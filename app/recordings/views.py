@@ -198,19 +198,24 @@ def crest(recording: Recording, window_s: float = WINDOW_S, low_pass_hz: float =
 
 
 def spectrogram_png(
-    recording: Recording, columns: int, dark: bool = False, marked: Sequence[tuple[float, float, str]] = ()
+    recording: Recording,
+    columns: int,
+    dark: bool = False,
+    marked: Sequence[tuple[float, float, str]] = (),
+    top_hz: float = 0.0,
 ) -> bytes:
     """Return the spectrogram as a PNG with labelled axes, 80 dB below the loudest point downwards left out.
 
     Args:
         marked: stretches between two lines, from [s], to [s], and their words.
+        top_hz: where it ends, and then it is the picture alone, which lies below a waveform; 0 for all of it.
     """
     from matplotlib.figure import Figure  # a second to import, which only the first picture need wait for
 
     frequency, _, level = _spectrogram(recording, columns)
     ink, paper = ("#e6e6e6", "#14181d") if dark else ("#1c2126", "#ffffff")
-    figure = Figure(figsize=(9, 3.6), dpi=110, facecolor=paper, layout="constrained")
-    axes = figure.subplots()
+    figure = Figure(figsize=(9, 3.6), dpi=110, facecolor=paper, layout=None if top_hz else "constrained")
+    axes = figure.add_axes((0, 0, 1, 1)) if top_hz else figure.subplots()
     image = axes.imshow(
         level,
         origin="lower",
@@ -221,13 +226,16 @@ def spectrogram_png(
         cmap="cividis",
         interpolation="nearest",
     )
-    bar = figure.colorbar(image, ax=axes, pad=0.01)
-    bar.set_label(f"level [dB re {recording.unit}², rms]", color=ink)
-    axes.set_xlabel("time [s]", color=ink)
-    axes.set_ylabel("frequency [Hz]", color=ink)
-    for part in (axes, bar.ax):
-        part.tick_params(colors=ink)
-    mark_stretches(axes, marked)
+    if top_hz:
+        axes.set_ylim(0.0, min(top_hz, float(frequency[-1])))
+    else:
+        bar = figure.colorbar(image, ax=axes, pad=0.01)
+        bar.set_label(f"level [dB re {recording.unit}², rms]", color=ink)
+        axes.set_xlabel("time [s]", color=ink)
+        axes.set_ylabel("frequency [Hz]", color=ink)
+        for part in (axes, bar.ax):
+            part.tick_params(colors=ink)
+        mark_stretches(axes, marked)
     target = io.BytesIO()
     figure.savefig(target, format="png", facecolor=paper)
     return target.getvalue()

@@ -174,7 +174,7 @@ def fold_charts(analysis: Analysis, marked_deg: float | None = None) -> tuple[Ch
     if folded is None:
         return None
     chart = Chart(
-        "Strokes laid over each other",
+        "Average stroke of the motion",
         (
             Series("around one end of the motion", folded.offset_s, folded.forward_db),
             Series("around the other end", folded.offset_s, folded.backward_db),
@@ -209,12 +209,6 @@ SHOWN = (
     (f"notch_bump_{LOW}", "Impacts in one direction: rise with tooth damage", "height above noise [dB]"),
     (CREST_FACTOR, "Crest factor below 200 Hz", "crest factor [1]"),
 )
-RISING = {
-    "play_bump": "impacts at the reversal",
-    "notch_bump": "impacts in one direction",
-    "strongest_impulse": "strongest impact of a cycle",
-}
-"""What rises, by the beginning of a feature's name; its band follows."""
 LEVELS = ("RMS", "peak")
 SIZES = (("size", "value", 1), ("low end of 90 %", "low", 6), ("high end of 90 %", "high", 6))
 """Words, key and style of each line of a size."""
@@ -234,7 +228,7 @@ def charts_of(trend: Trend, history: History, sizes: Mapping[str, Mapping[str, f
     leading = trend.leading
     if leading.name not in {name for name, _, _ in SHOWN} and trend.changed:
         unit = "height above noise [dB]"
-        charts.insert(0, _followed(trend, leading, f"What rises most: {_rising(leading.name)}", unit, marks))
+        charts.insert(0, _followed(trend, leading, f"What rises most: {feature_words(leading.name)}", unit, marks))
     sized = _size(trend, sizes, marks)
     return [chart for chart in (*charts, sized) if chart is not None]
 
@@ -244,11 +238,6 @@ def chart_of(trend: Trend, history: History, label: str | None, here: tuple[date
     followed = {one.name: one for one in trend.followed}
     name, title, unit = SHOWN[1] if label == "notch" else SHOWN[0]
     return _followed(trend, followed[name], title, unit, _marks(trend, history, here))
-
-
-def _rising(name: str) -> str:
-    words, _, band = feature_words(name).partition(",")
-    return next((told for beginning, told in RISING.items() if name.startswith(beginning)), words) + f",{band}"
 
 
 def _time_axis(trend: Trend) -> tuple[str, Callable[[datetime], float]]:

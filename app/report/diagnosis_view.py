@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 from app.report import charts as draw
 from app.report.charts import chart_of
 from app.report.disturbed import flags_of, left_out_words, marked
-from app.report.formatting import ENVIRONMENT, instant, percent, quantity, sentence, style_sheet
+from app.report.formatting import ENVIRONMENT, instant, name_of, percent, quantity, sentence, style_sheet
 from app.report.recorded import (
     decoded,
     event_times,
@@ -28,12 +28,14 @@ from app.report.standing_words import earlier_words
 from app.report.words import (
     certainty,
     fault_words,
-    listed,
+    judged,
     not_compared,
     not_excluded,
     remarks_beside,
+    sides_of,
     size_of,
     unlikeness,
+    value_of,
     verdict_of,
 )
 from app.service import Service
@@ -51,7 +53,7 @@ from sim.experiment.design_of_experiments import LABELS
 from sim.investigation.report.box import as_new_of, as_new_words
 from sim.mechanisms import MECHANISMS
 
-PEAKS = 400
+PEAKS = 1600
 SHOWN_PARTS = 8
 
 
@@ -70,14 +72,14 @@ PLOTS = (
     ("strongest_impulse", "waveform"),
     ("", "fold"),
 )
-"""Where a quantity can be seen, by the beginning of its name; bumps and phases in the folded sound."""
+"""Where a quantity can be seen, by the beginning of its name; impacts and phases in the average stroke."""
 TITLES = {
     "crest": "Crest factor",
     "level": "RMS and peak",
     "spectrum": "Spectrum",
     "spectrogram": "Spectrogram",
     "waveform": "Waveform",
-    "fold": "Strokes laid over each other",
+    "fold": "Average stroke of the motion",
 }
 
 
@@ -96,7 +98,7 @@ def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders:
     return {
         "diagnosis": row,
         "recording": row.recording,
-        "verdict": verdict_of(document),
+        "verdict": judged(verdict_of(document), row),
         "facts": [*facts_of(document, as_new), *([analysed(found)] if found and usable else ())],
         "quality": [flag for flag in flags if not flag.only_left_out],
         "left_out": left_out_words(flags),
@@ -105,8 +107,12 @@ def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders:
         "audible": sound is not None and usable,
         "neighbours": _neighbours(session, document["neighbours"]),
         "evidence": evidence_of(document, shown, strongest_events(session, row.recording)),
-        "remarks": remarks_beside(document),
+        "remarks": [sentence(remark) for remark in remarks_beside(document)],
         "charts": drawn,
+        "marks": {
+            "knock": event_times(session, row.recording, row.revised_label or row.label),
+            "reversal": [] if found is None else [marker.x for marker in draw.reversals(found)],
+        },
         "polar": polar,
         "phase": phase_of(document),
         "trend": chart_of(trend, history, row.label, (at, "this recording")) if trend and history else None,
@@ -161,7 +167,7 @@ def facts_of(document: Mapping[str, Any], as_new: str = "") -> list[tuple[str, o
     if fault:
         found.append(("A fault", *fault))
     if sure:
-        of = f"of {listed(document['label'])}, " if document["verdict"] == "ambiguous" else ""
+        of = f"of {name_of(document['label'])}, " if document["verdict"] == "ambiguous" else ""
         found.append(("How sure", sure[0], f"{of}{sure[1]}"))
     if left:
         found.append(("Cannot be excluded", left, "the right label is one of these nine times in ten"))
@@ -171,17 +177,13 @@ def facts_of(document: Mapping[str, Any], as_new: str = "") -> list[tuple[str, o
         found.append((name, value, f"90 % interval {interval}, from {cases} cases of known size{allowed}"))
     phase_deg = phase_of(document)
     if phase_deg is not None:
-        found.append(_in_the_cycle(phase_deg, _value_of(document, "motion_period")))
+        found.append(_in_the_cycle(phase_deg, value_of(document, "motion_period")))
     return found
 
 
 def phase_of(document: Mapping[str, Any]) -> float | None:
     """Return when in the cycle of the motion the named fault comes, as a phase [°] from a reversal."""
-    return _value_of(document, f"{document['label']}_phase")
-
-
-def _value_of(document: Mapping[str, Any], name: str) -> float | None:
-    return next((item["value"] for item in document["evidence"] if item["quantity"] == name), None)
+    return value_of(document, f"{document['label']}_phase")
 
 
 def _in_the_cycle(phase_deg: float, period_s: float | None) -> tuple[str, object, str]:
@@ -189,11 +191,11 @@ def _in_the_cycle(phase_deg: float, period_s: float | None) -> tuple[str, object
 
     >>> name, value, note = _in_the_cycle(90.0, 2.0)
     >>> print(name, value, note)
-    Time in the cycle 0.5\xa0s after a reversal; phase 90° of a cycle of 2.00\xa0s
+    Time in the cycle 0.5\xa0s after the first reversal; phase 90° of a cycle of 2.00\xa0s
     """
     if period_s is None:
-        return "Phase in the cycle", quantity(phase_deg, "°"), "of the motion, after a reversal"
-    note = Markup("after a reversal; phase {} of a cycle of {}").format(
+        return "Phase in the cycle", quantity(phase_deg, "°"), "of the motion, after the first reversal"
+    note = Markup("after the first reversal; phase {} of a cycle of {}").format(
         quantity(phase_deg, "°"), f"{period_s:.2f}\N{NO-BREAK SPACE}s"
     )
     return "Time in the cycle", quantity(phase_deg / 360.0 * period_s, "s"), note
@@ -269,6 +271,8 @@ def evidence_of(
     """
     compared, seen = [], []
     for item in document["evidence"]:
+        if item["kind"] == "feature" and percent(item["share"]) == percent(0):
+            continue
         name, unit = item["quantity"], item["unit"]
         plot = next(plot for beginning, plot in PLOTS if name.startswith(beginning))
         led = plot in drawn or (plot == "spectrogram" and drawn)
@@ -280,7 +284,7 @@ def evidence_of(
                     "name": feature_words(name),
                     "physics": known.physics if known else "",
                     "here": quantity(item["value"], unit),
-                    "sides": [_side(side, unit) for side in (item["same"], item["other"]) if side],
+                    "sides": list(sides_of(item)),
                     "share": percent(item["share"]),
                     **place,
                 }
@@ -289,13 +293,6 @@ def evidence_of(
             at_s = strongest.get(name.removesuffix("_phase"))
             seen.append({"sentence": sentence(item["statement"]), "at_s": at_s, **place})
     return {"compared": compared, "seen": seen}
-
-
-def _side(side: Mapping[str, Any], unit: str) -> tuple[str, Markup]:
-    if "low" in side:
-        span = Markup("{} to {}").format(quantity(side["low"]), quantity(side["high"], unit))
-        return f"usual of {side['label']}", span
-    return f"nearest {side['label']} case, {side['origin']}", quantity(side["value"], unit)
 
 
 def diagnosis_html(session: Session, service: Service, row: StoredDiagnosis) -> str:

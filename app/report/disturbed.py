@@ -11,7 +11,7 @@ SHORT_S = 1.0
 """What is shorter has a time, what is longer a beginning and an end [s]."""
 RETURNING = ("handling", "wind", "foreign_sound", "second_machine")
 """What may come more than once between its beginning and its end."""
-ONCE = frozenset(name.replace("_", " ") for name in ("bump", *RETURNING))
+ONCE = frozenset(name.replace("_", " ") for name in ("knock", *RETURNING))
 """In words: what one cycle of the motion has and the others have not."""
 REMEDIES = {
     "bump": "Put the microphone down and do not touch it while it records.",
@@ -43,7 +43,7 @@ def flags_of(quality: Sequence[Mapping[str, Any]], duration_s: float) -> tuple[F
     """Return the quality flags of a document, what weighs most first."""
     found = [
         Flag(
-            flag["name"].replace("_", " "),
+            words_of(flag["name"]),
             when(flag["start_s"], flag["end_s"], duration_s, flag["name"] in RETURNING),
             flag["severity"],
             flag["reason"],
@@ -52,6 +52,11 @@ def flags_of(quality: Sequence[Mapping[str, Any]], duration_s: float) -> tuple[F
         for flag in quality
     ]
     return tuple(sorted(found, key=lambda flag: flag.severity == "note"))
+
+
+def words_of(name: str) -> str:
+    """Return the name of a quality flag in words."""
+    return "knock" if name == "bump" else name.replace("_", " ")
 
 
 def when(start_s: float | None, end_s: float | None, duration_s: float, returns: bool = False) -> str:
@@ -71,8 +76,8 @@ def when(start_s: float | None, end_s: float | None, duration_s: float, returns:
 def listed(found: Sequence[Flag]) -> str:
     """Return names and times in one line.
 
-    >>> listed([Flag("bump", "at 12.0 s (0.1 s)", "note", "", ""), Flag("noise", "", "poor", "", "")])
-    'bump at 12.0 s (0.1 s), noise'
+    >>> listed([Flag("knock", "at 12.0 s (0.1 s)", "note", "", ""), Flag("noise", "", "poor", "", "")])
+    'knock at 12.0 s (0.1 s), noise'
     """
     return ", ".join(f"{flag.name} {flag.when}".rstrip() for flag in found)
 
@@ -80,8 +85,8 @@ def listed(found: Sequence[Flag]) -> str:
 def left_out_words(found: Sequence[Flag]) -> str:
     """Say what was left out, and of what came in some cycles only why; empty where nothing was.
 
-    >>> left_out_words([Flag("bump", "at 12.0 s (0.1 s)", "note", "", "")])
-    "Left out: bump at 12.0 s (0.1 s). What comes at no fixed time of the motion is not taken for the gear's."
+    >>> left_out_words([Flag("knock", "at 12.0 s (0.1 s)", "note", "", "")])
+    "Left out: knock at 12.0 s (0.1 s). What comes at no fixed time of the motion is not taken for the gear's."
     """
     left_out = [flag for flag in found if flag.only_left_out]
     if not left_out:
@@ -100,7 +105,7 @@ def stretches(surveyed: Survey) -> tuple[Stretch, ...]:
     names: dict[float, list[str]] = {}
     for flag in flags(surveyed):
         if flag.start_s is not None and flag.name not in ("silence", "pause"):
-            names.setdefault(round(flag.start_s, 3), []).append(flag.name.replace("_", " "))
+            names.setdefault(round(flag.start_s, 3), []).append(words_of(flag.name))
     events = () if surveyed.analysis.unrepeated is None else surveyed.analysis.unrepeated.events
     found = [
         Stretch(each.span.start_s + from_s, each.span.end_s + from_s, ", ".join(names.get(at, ())))

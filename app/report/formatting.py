@@ -20,6 +20,9 @@ STATIC = FOLDER / "static"
 MINUS, NO_BREAK = "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
 RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 SQUARE = re.compile(r"(?<=[a-z])2\b")
+NAMES = {"normal": "no fault", "notch": "tooth damage", "play": "backlash"}
+"""Labels that people call otherwise."""
+LABEL = re.compile(rf"(?<![\w/])({'|'.join(NAMES)})(?![\w/])")
 LONGEST = 7
 """From this power of ten on a number is written with one."""
 
@@ -58,9 +61,10 @@ def percent(value: float | None, digits: int = 0) -> str:
 def sentence(text: str) -> str:
     """Return a statement as a sentence; what ends in lines of a document gets no full stop.
 
-    >>> sentence("the motion repeats")
-    'The motion repeats.'
+    >>> sentence("too few gearboxes of notch are known")
+    'Too few gearboxes of tooth damage are known.'
     """
+    text = LABEL.sub(lambda found: NAMES[found[0]], text)
     return f"{text[:1].upper()}{text[1:]}" if "\n" in text else f"{text[:1].upper()}{text[1:].removesuffix('.')}."
 
 
@@ -73,17 +77,28 @@ def shape(label: str | None) -> Markup:
     ).format(outline)
 
 
+def name_of(label: str | None) -> str:
+    """Return a label as words.
+
+    >>> name_of("notch"), name_of("tooth_wear")
+    ('tooth damage', 'tooth wear')
+    """
+    return NAMES.get(label or "", (label or "unknown").replace("_", " "))
+
+
 @lru_cache(maxsize=256)
 def label_badge(label: str | None) -> Markup:
     """Write a label with its shape."""
-    return Markup('<span class="label {}">{}{}</span>').format(shape_name(label or ""), shape(label), label or "none")
+    return Markup('<span class="label {}">{}{}</span>').format(
+        shape_name(label or ""), shape(label), name_of(label or "none")
+    )
 
 
 @lru_cache(maxsize=256)
 def answer_badge(label: str | None) -> Markup:
     """Write the label that was answered with the shape of the state that it means, which every fault has alike."""
     sign = sign_of(label)
-    return Markup('<span class="label {}">{}{}</span>').format(sign, shape(sign), label or "none")
+    return Markup('<span class="label {}">{}{}</span>').format(sign, shape(sign), name_of(label or "none"))
 
 
 @lru_cache(maxsize=256)
@@ -132,9 +147,11 @@ def _environment() -> Environment:
         feature_words=feature_words,
         named=named,
         quantity=quantity,
+        sentence=sentence,
         parameter_words=words_of,
         percent=percent,
         label_badge=label_badge,
+        name_of=name_of,
         answer_badge=answer_badge,
         origin_badge=origin_badge,
         shape=shape,

@@ -47,9 +47,11 @@ def _events(session: Session, row: StoredRecording) -> list[dict[str, Any]]:
     return [event for event in (stored.events if stored else []) if isinstance(event, dict)]
 
 
-def event_times(session: Session, row: StoredRecording) -> tuple[float, ...]:
-    """Return when something stood out [s]: impulses, notch and play, not reversals."""
-    return tuple(float(event["time_s"]) for event in _events(session, row) if event["kind"] != "reversal")
+def event_times(session: Session, row: StoredRecording, kind: str | None = None) -> tuple[float, ...]:
+    """Return when something of a kind stood out [s]; where nothing did, all impulses, notch and play, no reversals."""
+    found = [event for event in _events(session, row) if event["kind"] != "reversal"]
+    named = [event for event in found if event["kind"] == kind]
+    return tuple(float(event["time_s"]) for event in named or found)
 
 
 def strongest_events(session: Session, row: StoredRecording) -> dict[str, float]:
@@ -66,16 +68,16 @@ def order_markers(analysis: Analysis) -> tuple[Marker, ...]:
     return tuple(Marker(order * speed / (2 * math.pi), f"mesh {order:g}×") for order in orders)
 
 
-def spectrogram_png(service: Service, row: StoredRecording, *, dark: bool = False) -> bytes:
+def spectrogram_png(service: Service, row: StoredRecording, *, dark: bool = False, top_hz: float = 0.0) -> bytes:
     """Return the spectrogram as PNG with what is left out of the recording; drawn once for who looks next."""
 
     def drawn() -> bytes:
         recording = decoded(service, row)
         marked = [(each.start_s, each.end_s, each.text) for each in stretches(surveyed(recording, row))]
-        return views.spectrogram_png(recording, COLUMNS, dark=dark, marked=marked)
+        return views.spectrogram_png(recording, COLUMNS, dark=dark, marked=marked, top_hz=top_hz)
 
     path, description = service.library.retrieve.audio_path(row), json.dumps(row.description, sort_keys=True)
-    return views.kept((path, row.channel, row.unit, "marked spectrogram", description, dark), drawn)
+    return views.kept((path, row.channel, row.unit, "marked spectrogram", description, dark, top_hz), drawn)
 
 
 def chart_of(

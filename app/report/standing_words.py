@@ -5,8 +5,8 @@ from zoneinfo import ZoneInfo
 
 from markupsafe import Markup
 
-from app.report.formatting import NO_BREAK, shape
-from app.report.words import CHECKS, name_of, one_of
+from app.report.formatting import NO_BREAK, name_of, shape
+from app.report.words import CHECKS, one_of
 from casebase.gearbox_state import NamedFault, Reason, Standing, State
 from casebase.reasoning.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
 

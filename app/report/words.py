@@ -1,29 +1,27 @@
 """A diagnosis in the words of whoever stands at the robot: what it is, how sure, what to do next."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from markupsafe import Markup
 
-from app.report.formatting import percent, quantity, sentence
+from app.report.formatting import name_of, percent, person, quantity, sentence
 from app.report.svg import sign_of
 from casebase.labels import BASELINES
 from casebase.reasoning.diagnosis import DIAGNOSED_FROM, EXCLUDED_BELOW
+from casebase.store.models import StoredDiagnosis
+from signals.features import feature_words
 from sim.investigation.report.comparison import Row
 from sim.investigation.report.formatting import angle, likely, named
 from sim.mechanisms.mechanism import SECURED
 
-NAMES = {
-    "normal": "no fault indicated",
-    "notch": "tooth damage (notch)",
-    "play": "backlash (play)",
-}
+PLACE = "when the impact comes"
+"""Stands in a check for the time in the cycle of the motion, where that is known."""
 CHECKS = {
     "normal": ("Nothing to do. Record again at the next inspection, in the same motion and with the same payload.",),
     "notch": (
-        "Move the axis to where it is at the time in the cycle when the impact repeats. "
-        f"{SECURED} look at the teeth of the output gear that mesh there.",
+        f"Move the axis to where it is {PLACE}. {SECURED} look at the teeth of the output gear that mesh there.",
         "Take a grease sample and look for steel particles.",
         "Record again with the axis moving through another range: a damaged tooth stays where it is, so its time in "
         "the cycle changes.",
@@ -71,11 +69,20 @@ class Verdict:
     """The first thing on the page."""
 
     headline: str
-    summary: str
+    sure: str
+    """How sure it is, with the border that it missed, or why there is no answer."""
     label: str | None
     checks: tuple[str, ...]
     told: tuple[str, ...] = ()
-    """Remarks of the document that the summary says."""
+    """Remarks of the document that this says."""
+    why: str = ""
+    rest: str = ""
+    """What cannot be excluded, and how many cases support it."""
+
+    @property
+    def summary(self) -> str:
+        """All that is said below the headline."""
+        return " ".join(filter(None, (self.sure, self.why, self.rest)))
 
     @property
     def sign(self) -> str:
@@ -83,29 +90,11 @@ class Verdict:
         return sign_of(self.label)
 
 
-def name_of(label: str | None) -> str:
-    """Return a label as words.
-
-    >>> name_of("notch")
-    'tooth damage (notch)'
-    """
-    return NAMES.get(label or "", (label or "unknown").replace("_", " "))
-
-
-def listed(label: str | None) -> str:
-    """Return a label as a word among others.
-
-    >>> listed("normal"), listed("play")
-    ('no fault', 'backlash (play)')
-    """
-    return "no fault" if label == "normal" else name_of(label)
-
-
 def one_of(left: Sequence[str]) -> str:
     """Name a fault of which it is open which, by the labels that are left.
 
     >>> one_of(["notch", "play"])
-    'a fault, tooth damage (notch) or backlash (play)'
+    'a fault, tooth damage or backlash'
     """
     return f"a fault, {' or '.join(map(name_of, left))}"
 
@@ -160,7 +149,7 @@ def how_sure(document: Mapping[str, Any]) -> str:
     """Say how sure a diagnosis is, in a cell of a table; of one that is undecided also of what.
 
     >>> how_sure({"verdict": "diagnosed", "probability": 0.941, "hypotheses": [], "provenance": {"gearboxes": 1}})
-    '0.94 of 1'
+    'score 0.94'
     """
     sure = certainty(document)
     if sure is None:
@@ -169,7 +158,7 @@ def how_sure(document: Mapping[str, Any]) -> str:
         return sure[0]
     if names_fault(document):
         return f"{_written(document, document['fault']['probability'])} a fault"
-    return f"{sure[0]} {listed(document['hypotheses'][0]['label'])}"
+    return f"{sure[0]} {name_of(document['hypotheses'][0]['label'])}"
 
 
 def sure_of(document: Mapping[str, Any]) -> str:
@@ -180,7 +169,7 @@ def sure_of(document: Mapping[str, Any]) -> str:
     ...     {"verdict": "diagnosed", "label": "notch", "probability": 0.93, "fault": fault, "hypotheses": [],
     ...      "provenance": {}}
     ... )
-    'a fault 0.97 of 1, tooth damage (notch) 0.93 of 1'
+    'a fault score 0.97, tooth damage score 0.93'
     """
     sure, fault = certainty(document), document["fault"]["probability"]
     if sure is None:
@@ -189,7 +178,7 @@ def sure_of(document: Mapping[str, Any]) -> str:
     if document["verdict"] == "diagnosed" and (fault is None or label in BASELINES):
         return sure[0]
     first = [] if fault is None else [f"a fault {_written(document, fault)}"]
-    return ", ".join((*first, f"{listed(label)} {sure[0]}"))
+    return ", ".join((*first, f"{name_of(label)} {sure[0]}"))
 
 
 def not_excluded(document: Mapping[str, Any]) -> str:
@@ -197,7 +186,7 @@ def not_excluded(document: Mapping[str, Any]) -> str:
     if document["label"] is None or _knows_one_label(document):
         return ""
     of = {each["label"]: each["probability"] for each in document["hypotheses"]}
-    left = [f"{listed(label)} {_written(document, of[label])}" for label in document["labels"]]
+    left = [f"{name_of(label)} {_written(document, of[label])}" for label in document["labels"]]
     return ", ".join(left) or "none of the labels"
 
 
@@ -207,8 +196,8 @@ def unlikeness(document: Mapping[str, Any]) -> str:
     if novelty["distance"] is None or not hypotheses:
         return ""
     return (
-        f"Of recordings of {listed(hypotheses[0]['label'])}, {_once_in(novelty['distance'])} is as unlike their cases; "
-        f"what is rarer than {_once_in(novelty['threshold'])} counts as none of them."
+        f"Of recordings of {name_of(hypotheses[0]['label'])}, {_once_in(novelty['distance'])} is as unlike their "
+        f"cases; what is rarer than {_once_in(novelty['threshold'])} counts as none of them."
     )
 
 
@@ -224,7 +213,7 @@ def _once_in(distance: float) -> str:
 def _written(document: Mapping[str, Any], probability: float) -> str:
     """Write a probability, in per cent only where it is calibrated; what falls short of the border never reaches it."""
     short = probability if probability >= DIAGNOSED_FROM else min(probability, DIAGNOSED_FROM - 0.01)
-    return percent(short) if is_calibrated(document) else f"{short:.2f} of 1"
+    return percent(short) if is_calibrated(document) else f"score {short:.2f}"
 
 
 def _knows_one_label(document: Mapping[str, Any]) -> bool:
@@ -287,13 +276,66 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
             return _not_in_library(document)
         case "ambiguous":
             return _undecided(document)
-    label, sure = document["label"], f"{_sure(document)}{_left(document)}"
-    if label == "normal":
-        summary = f"{sure}{_support(document)} {limits_of(document)}"
-        return Verdict("No fault indicated", summary, label, CHECKS[label])
+    label, good = document["label"], document["label"] == "normal"
     present = " and ".join(name_of(fault["label"]) for fault in document["faults"]) or name_of(label)
-    summary = f"{sure}{_size(document)}{_support(document)}"
-    return Verdict(f"Fault likely: {present}", summary, label, CHECKS.get(label, OTHER_CHECKS))
+    headline = "No fault indicated" if good else f"Fault likely: {present}"
+    sure = f"{_sure(document)}{limits_of(document) if good else _size(document)}".strip()
+    rest = f"{_left(document)}{_support(document)}"
+    return Verdict(headline, sure, label, _checks(document, label), why=why(document), rest=rest)
+
+
+def judged(verdict: Verdict, row: StoredDiagnosis) -> Verdict:
+    """Put a person's verdict first, once there is one."""
+    if row.state == "open":
+        return verdict
+    label, by = None if row.state == "rejected" else row.revised_label or row.label, person(row.revised_by or "")
+    name = "" if label is None else f"{name_of(label)}, "
+    headline, checks = f"{name}{row.state} by {by}", UNKNOWN_CHECKS if label is None else _checks(row.document, label)
+    sure = f"The library: {verdict.headline}. {verdict.sure}"
+    return replace(verdict, headline=f"{headline[:1].upper()}{headline[1:]}", sure=sure, label=label, checks=checks)
+
+
+def why(document: Mapping[str, Any]) -> str:
+    """Say in one sentence what speaks most for the label of a diagnosis; empty where nothing was found."""
+    if time_in_cycle(document, document["label"]):
+        where = "in one direction alone" if document["label"] == "notch" else "around its reversals"
+        return f"An impact comes in every cycle of the motion, {where}."
+    compared = [item for item in document.get("evidence", ()) if item["kind"] == "feature"]
+    if not compared:
+        return ""
+    item = max(compared, key=lambda each: float(each["share"]))
+    sides = " and ".join(f"{value} {words}" for words, value in sides_of(item))
+    return sentence(f"{feature_words(item['quantity'])}: {quantity(item['value'], item['unit'])} here, {sides}")
+
+
+def sides_of(item: Mapping[str, Any]) -> Iterator[tuple[str, Markup]]:
+    """Yield in words what the library holds beside a feature of a recording, and its value."""
+    for side in filter(None, (item["same"], item["other"])):
+        name, unit = name_of(side["label"]), item["unit"]
+        if "low" in side:
+            span = Markup("{} to {}").format(quantity(side["low"]), quantity(side["high"], unit))
+            yield f"usual of {name}", span
+        else:
+            yield f"in the nearest case of {name} ({side['origin']})", quantity(side["value"], unit)
+
+
+def value_of(document: Mapping[str, Any], name: str) -> float | None:
+    """Return the value of a quantity of the evidence; None where it is not there, as in lists, which do without it."""
+    return next((item["value"] for item in document.get("evidence", ()) if item["quantity"] == name), None)
+
+
+def time_in_cycle(document: Mapping[str, Any], label: str | None) -> str:
+    """Say when in the cycle of the motion the impact of a label comes; empty where that is not known."""
+    phase_deg, period_s = value_of(document, f"{label}_phase"), value_of(document, "motion_period")
+    if phase_deg is None or period_s is None:
+        return ""
+    at_s = phase_deg / 360.0 * period_s
+    return f"{quantity(at_s, 's')} after the first reversal (one cycle is {quantity(period_s, 's')})"
+
+
+def _checks(document: Mapping[str, Any], label: str) -> tuple[str, ...]:
+    place = time_in_cycle(document, label) or PLACE
+    return tuple(check.replace(PLACE, place) for check in CHECKS.get(label, OTHER_CHECKS))
 
 
 def _unusable(document: Mapping[str, Any]) -> Verdict:
@@ -313,7 +355,9 @@ def _not_in_library(document: Mapping[str, Any]) -> Verdict:
     told = (*reasons, *(why or _remarks(document, UNLIKE)))
     far = "" if why else unlikeness(document)
     summary = " ".join(filter(None, (*map(sentence, told), far, "So it gets none of the known labels.")))
-    kinds = f"the one kind it knows, {listed(document['hypotheses'][0]['label'])}" if _knows_one_label(document) else ""
+    kinds = (
+        f"the one kind it knows, {name_of(document['hypotheses'][0]['label'])}" if _knows_one_label(document) else ""
+    )
     headline = f"Not in the library: unlike {kinds or 'every known kind'}"
     if limit:
         headline = f"Not in the library, but the recording is {limit}"
@@ -327,11 +371,12 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
     labels = [hypothesis["label"] for hypothesis in document["hypotheses"]]
     found = names_fault(document)
     likely = [label for label in labels if not (found and label in BASELINES)][:2]
-    names = " or ".join(map(listed, likely))
+    names = " or ".join(map(name_of, likely))
     left = "" if _knows_one_label(document) else _left(document)
-    summary = f"{''.join(f'{sentence(one)} ' for one in reasons)}{border}{left}{_support(document)}"
-    # what tells two faults apart is what each asks for; that nothing is to be done cannot be said yet
-    asked = [check for label in likely if label != "normal" for check in CHECKS.get(label, OTHER_CHECKS)]
+    sure = f"{''.join(f'{sentence(one)} ' for one in reasons)}{border}".strip()
+    # what tells two faults apart is what each asks for first; that nothing is to be done cannot be said yet
+    faults = [_checks(document, label) for label in likely if label != "normal"]
+    asked = [check for checks in faults for check in (checks if len(faults) == 1 else checks[:1])]
     headline = f"Undecided: {names}"
     if limit:
         headline = f"Undecided, for the recording is {limit}: {'a fault, ' if found else ''}{names}"
@@ -340,7 +385,8 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
     elif _knows_one_label(document):
         headline = f"Undecided: the library knows one label alone, {names}"
     checks = (RECORD_AGAIN,) if limit else tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *asked)))
-    return Verdict(headline, summary, likely[0] if found and not limit else None, checks, (*reasons, *told))
+    label, rest = likely[0] if found and not limit else None, f"{left}{_support(document)}"
+    return Verdict(headline, sure, label, checks, (*reasons, *told), why(document), rest)
 
 
 def is_compared(document: Mapping[str, Any]) -> bool:
@@ -378,9 +424,9 @@ def limits_of(document: Mapping[str, Any]) -> str:
     """Say which faults "no fault" cannot exclude.
 
     >>> limits_of({"detection_limit": {"notch": {"depth_rad": 0.0008}}})
-    'Tooth damage (notch) below 0.8\\xa0mrad (2.8\\xa0arc min) would not be heard here.'
+    'Tooth damage below 0.8\\xa0mrad (2.8\\xa0arc min) would not be heard here.'
     >>> limits_of({"detection_limit": {"play": None}})
-    'How small backlash (play) would be heard is not known.'
+    'How small backlash would be heard is not known.'
     """
     limits = document.get("detection_limit") or {}
     known = {label: next(iter(limit.values())) for label, limit in limits.items() if limit}
@@ -415,7 +461,7 @@ def likely_words(finding: Mapping[str, Any]) -> str:
     """Say how sure a finding is.
 
     >>> print(likely_words({"probability": 0.95, "calibrated": False}))
-    very likely (0.95 of 1, not calibrated)
+    very likely (score 0.95, not calibrated)
     """
     return likely(float(finding["probability"]), calibrated=finding.get("calibrated", True))
 
@@ -432,7 +478,7 @@ def comparison_headline(rows: Sequence[Row]) -> str:
 
     >>> came = Row("backlash", "output", "came", None, None)
     >>> comparison_headline([came])
-    'Came: backlash (play) at output'
+    'Came: backlash at output'
     >>> comparison_headline([])
     'Nothing changed beyond what the data leave open'
     """

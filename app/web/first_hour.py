@@ -9,8 +9,8 @@ from typing import NamedTuple
 from sqlalchemy.orm import Session
 
 from app.jobs.job import Job
-from app.report.formatting import percent, sentence
-from app.report.words import CALIBRATED_FROM, name_of
+from app.report.formatting import name_of, percent, sentence
+from app.report.words import CALIBRATED_FROM
 from app.service import Service
 from casebase.labels import BASELINES
 from casebase.origins import MEASURED, SIMULATED
@@ -181,14 +181,14 @@ def known_of_axis(cases: Mapping[str, LabelCases]) -> str:
 
     >>> measured = LabelCases(measured=8, gearboxes=frozenset({"g1", "g2"}))
     >>> known_of_axis({"normal": measured, "notch": LabelCases(simulated=20)})
-    'Of this axis the library has: normal, 8 measured of 2 gearboxes; notch, 20 simulated.'
+    'Of this axis the library has: no fault, 8 measured of 2 gearboxes; tooth damage, 20 simulated.'
     >>> known_of_axis({})
     'The library has no case of this axis, at most of others.'
     """
     known = [
-        f"{label}, {each.measured} measured of {_units(each.gearboxes)}"
+        f"{name_of(label)}, {each.measured} measured of {_units(each.gearboxes)}"
         if each.measured
-        else f"{label}, {each.simulated} simulated"
+        else f"{name_of(label)}, {each.simulated} simulated"
         for label, each in cases.items()
         if each.measured or each.simulated
     ]
@@ -218,13 +218,13 @@ def recorded(hour: Hour) -> str:
         return "No recording yet."
     if not hour.known.measured:
         return "It was recorded, but no recording is a case of the library yet: nobody said what the gearbox has."
-    kept = [f"{each.measured} {label}" for label, each in hour.cases.items() if each.measured]
+    kept = [f"{each.measured} {name_of(label)}" for label, each in hour.cases.items() if each.measured]
     return f"{counted(hour.known.measured, 'measured case')} of {_units(hour.known.gearboxes)}: {listed(kept)}."
 
 
 def simulated(hour: Hour) -> str:
     """Say which cases were simulated for the axis."""
-    made = [f"{each.simulated} {label}" for label, each in hour.cases.items() if each.simulated]
+    made = [f"{each.simulated} {name_of(label)}" for label, each in hour.cases.items() if each.simulated]
     if hour.axis is not None and not hour.obstacles:
         return "Nothing to do: an axis without a gear stage has no such faults."
     words = f"{counted(hour.known.simulated, 'simulated case')}: {listed(made)}." if made else "No simulated case yet."

@@ -11,14 +11,18 @@ from typing import Annotated, Literal, TypeVar
 
 from fastapi import Depends, Form, Request
 from pydantic import TypeAdapter, ValidationError
+from sqlalchemy.orm import Session
 
+from app.fleet import natural
 from app.http.errors import Forbidden, Unprocessable
 from app.http.security import Principal, Role
 from app.http.uploads import Upload
 from app.recordings.intake import Intake, RecordingMetadata, read_metadata, take_in
-from app.report.words import NAMES, name_of
+from app.report.formatting import NAMES, name_of
 from app.service import Service, TheService
-from casebase.labels import GEAR_DAMAGE
+from casebase.axes import list_axes
+from casebase.gearboxes import signatures
+from casebase.labels import GEAR_DAMAGE, OTHER_WORDS
 from casebase.store.fields import Label
 from sim.experiment.design_of_experiments import LABELS
 from sim.mechanisms import MECHANISMS
@@ -72,13 +76,26 @@ def choices(library: Iterable[str]) -> Choices:
     """Return the labels to choose from, in groups of (label, words): those of the library first.
 
     >>> [words for group, labels in choices(["notch", "pitting"]) for _, words in labels][:3]
-    ['normal: no fault indicated', 'notch: tooth damage (notch)', 'pitting']
+    ['no fault', 'tooth damage', 'pitting']
     """
     own = sorted({*library, *NAMES})
-    groups: Choices = [("In the library", [(label, _words(label)) for label in own])]
+    groups: Choices = [("In the library", [(label, name_of(label)) for label in own])]
     return groups + [
-        (group, [(label, _words(label)) for label in labels if label not in own]) for group, labels in STANDARDS
+        (group, [(label, name_of(label)) for label in labels if label not in own]) for group, labels in STANDARDS
     ]
+
+
+def import_choices(service: Service, session: Session) -> dict[str, object]:
+    """Return what a table of recordings offers: labels with their other words, axes, gearboxes, ways to verify."""
+    places, labels = signatures(session), choices(one for one, _ in service.counts(session))
+    described = {row.name for row in list_axes(session)}
+    return {
+        "choices": labels,
+        "other_words": {label: _other_words(label) for _, group in labels for label, _ in group},
+        "axes": sorted({axis for axis, _ in places if axis} | described, key=natural),
+        "gearboxes": sorted({gearbox for _, gearbox in places if gearbox}, key=natural),
+        "ways": VERIFICATIONS,
+    }
 
 
 def damage_of(label: str | None) -> str:
@@ -89,11 +106,6 @@ def damage_of(label: str | None) -> str:
     """
     name = LABELS.get(label or "", label) or ""
     return MECHANISMS[name].damage if name in MECHANISMS else GEAR_DAMAGE.get(name, "")
-
-
-def _words(label: str) -> str:
-    name = name_of(label)
-    return f"{label}: {name}" if label in NAMES else name
 
 
 def chosen(label: str, another: str, sure: bool, library: Iterable[str]) -> str:
@@ -155,8 +167,8 @@ def near_labels(new: str, known: Collection[str]) -> list[str]:
 
 
 def _other_words(label: str) -> list[str]:
-    """Return the words of the workshop for a label: those before and within the parentheses of its name."""
-    return [word.strip() for word in re.split(r"[()]", NAMES.get(label, "")) if word.strip()]
+    """Return the words of the workshop for a label: that of pages, and others."""
+    return [name_of(label), *OTHER_WORDS.get(label, ())]
 
 
 def _squeezed(word: str) -> str:

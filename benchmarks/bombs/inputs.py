@@ -151,7 +151,9 @@ class Inputs:
     def mutated(self, document: Any) -> Any:
         """A document with one to three values that do not belong there."""
         for _ in range(self.dice.randint(1, 3)):
-            value = self.dice.choice([*ODD, self.nest(), float(f"{self.dice.random()}e{self.dice.randint(-330, 330)}")])
+            value = self.dice.choice(
+                [*ODD, self.nest(), float(f"{self.dice.uniform(0.1, 1.0)}e{self.dice.randint(-330, 330)}")]
+            )
             document = with_value(document, self.dice.choice(list(places(document))), value)
             if not isinstance(document, dict):
                 break

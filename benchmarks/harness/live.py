@@ -148,7 +148,9 @@ def sign_in(browser: httpx.Client, key: str, path: str = "/") -> httpx.Response:
     form = browser.get("/sign-in").text
     token = re.search(r'name="csrf" value="(\w+)"', form)
     assert token is not None
-    return browser.post("/sign-in", data={"csrf": token[1], "key": key, "next": path})
+    while (answer := browser.post("/sign-in", data={"csrf": token[1], "key": key, "next": path})).status_code == 503:
+        time.sleep(float(answer.headers["retry-after"]))
+    return answer
 
 
 def started(data_dir: Path, *, worker: bool = False, **environment: str) -> LiveServer:

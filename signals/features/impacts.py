@@ -15,14 +15,14 @@ from signals.spectra import BandEnvelope
 
 OF_BUMPS = "synchronous averaging (McFadden 1986) on strokes, with a median; height over noise: signals.half_cycles"
 SENTENCES = {
-    "play_bump": "Highest bump that both directions have while braking or starting: play is crossed when the torque "
-    "reverses, which is where braking starts, some tenths of a second before the standstill.",
-    "standstill_bump": "Highest bump that both directions have while the axis hardly moves: play at the new start, "
-    "but a healthy gear clicks faintly here, too.",
-    "both_directions_bump": "Highest bump that both directions have away from the reversal: an obstacle that is "
+    "play_bump": "Highest impact that both directions have while braking or starting: backlash is crossed when the "
+    "torque reverses, which is where braking starts, some tenths of a second before the standstill.",
+    "standstill_bump": "Highest impact that both directions have while the axis hardly moves: backlash at the new "
+    "start, but a healthy gear clicks faintly here, too.",
+    "both_directions_bump": "Highest impact that both directions have away from the reversal: an obstacle that is "
     "met either way, or noise.",
-    "notch_bump": "Highest bump that one direction has alone, where the axis moves: a notch meets the mesh at one "
-    "angle and on one flank, and never where no tooth moves.",
+    "notch_bump": "Highest impact that one direction has alone, where the axis moves: a damaged tooth meets the mesh "
+    "at one angle and on one flank, and never where no tooth moves.",
 }
 
 
@@ -44,7 +44,7 @@ class Repetition(FeatureFamily):
         FeatureDefinition(
             "repetition_after_half_cycle_12_200_hz",
             "1",
-            "Correlation of the envelope with itself one stroke later: high for what both directions have, as play.",
+            "Correlation of the envelope with itself one stroke later: high for what both directions have: backlash.",
             "autocorrelation",
         ),
     )

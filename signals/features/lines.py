@@ -135,8 +135,8 @@ class EnvelopeLines(FeatureFamily):
             f"envelope_line_{band.label}",
             "dB",
             "Highest line of the envelope spectrum between reversals above what noise would reach: impacts at a steady "
-            "rate while the axis moves, as of a flawed bearing or a worn tooth that meets at every turn. A notch and "
-            "play strike once per stroke and make none.",
+            "rate while the axis moves, as of a flawed bearing or a worn tooth that meets at every turn. Damaged teeth "
+            "and backlash strike once per stroke and make none.",
             "squared envelope spectrum (Randall and Antoni 2011), averaged over strokes (Welch 1967)",
         )
         for band in LINE_BANDS

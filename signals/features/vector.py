@@ -15,16 +15,26 @@ from signals.events import Event
 from signals.motion import Motion
 from signals.recording_quality.quality import FlagLevel, QualityFlag
 
+IMPACTS = {
+    "play_bump": "impacts at the reversal",
+    "notch_bump": "impacts in one direction",
+    "standstill_bump": "impacts at standstill",
+    "both_directions_bump": "impacts in both directions",
+    "strongest_impulse": "strongest impact of a cycle",
+}
+"""What people call some features, by the beginning of a name."""
+
 
 def feature_words(name: str) -> str:
     """Return the name of a feature as words, with the units of its numbers.
 
     >>> feature_words("notch_bump_12_200_hz")
-    'notch bump, 12 to 200 Hz'
+    'impacts in one direction, 12 to 200 Hz'
     >>> feature_words("crest_factor_low_pass_200_hz_mean_of_1_s_windows")
     'crest factor below 200 Hz, mean of 1 s windows'
     """
-    text = name.replace("_low_pass_200_hz", " below 200 Hz").replace("_whole_record", ", whole record")
+    text = next((name.replace(part, words) for part, words in IMPACTS.items() if part in name), name)
+    text = text.replace("_low_pass_200_hz", " below 200 Hz").replace("_whole_record", ", whole record")
     text = re.sub(r"_(mean|median)_of_", r", \1 of ", text)
     return re.sub(r"_(\d+)_(\d+)_hz$", r", \1 to \2 Hz", text).replace("_", " ")
 

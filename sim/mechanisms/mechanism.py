@@ -294,8 +294,6 @@ class Mechanism(ABC):
     name: ClassVar[str]
     kind: ClassVar[Literal["mechanics", "measurement"]] = "mechanics"
     parameters: ClassVar[tuple[Parameter, ...]] = ()
-    workshop_name: ClassVar[str] = ""
-    """What a workshop calls it, where that is another word."""
     damage: ClassVar[str] = ""
     """Which damage of teeth can make it, by the names of ISO 10825-1; nothing where none does."""
     size: ClassVar[str]

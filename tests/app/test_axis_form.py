@@ -2,23 +2,16 @@
 
 import json
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from app.axes import TEMPLATES, UNITS, in_si
 from app.web.pages.describe import described, filled
-from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.inside import Inside
 from benchmarks.harness.live import gearcase
 from sim.description.axis_document import read_axis
 from sim.errors import ParameterError
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inside]:
-    with inside(tmp_path_factory.mktemp("form") / "data") as found:
-        yield found
 
 
 @pytest.mark.parametrize("kind", TEMPLATES)

@@ -1,8 +1,8 @@
 """Cases over HTTP: added once, changed by one at a time, paged without gaps."""
 
 import json
-import threading
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 
 import httpx
 import pytest
@@ -94,17 +94,12 @@ def test_idempotency_keys_of_two_clients_are_two(live_server: LiveServer, admin:
 
 
 def test_idempotency_key_sent_at_once_does_the_work_once(live_server: LiveServer) -> None:
-    answers: list[httpx.Response] = []
-
-    def send() -> None:
+    def send(_: int) -> httpx.Response:
         with live_server.client() as client:
-            answers.append(add(client, sound(19), {"Idempotency-Key": "case-19"}, gearbox="g19"))
+            return add(client, sound(19), {"Idempotency-Key": "case-19"}, gearbox="g19")
 
-    threads = [threading.Thread(target=send) for _ in range(6)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(6) as pool:
+        answers = list(pool.map(send, range(6)))
     assert {answer.status_code for answer in answers} == {201}
     assert len({answer.content for answer in answers}) == 1
 
@@ -135,17 +130,13 @@ def test_change_with_a_stale_etag_is_refused(admin: httpx.Client, stale: str) ->
 def test_of_two_changes_at_once_one_wins(live_server: LiveServer, admin: httpx.Client) -> None:
     made = add(admin, sound(22))
     path, etag = made.headers["location"], made.headers["etag"]
-    codes: list[int] = []
 
-    def change(note: str) -> None:
+    def change(number: int) -> int:
         with live_server.client() as client:
-            codes.append(client.patch(path, json={"note": note}, headers={"If-Match": etag}).status_code)
+            return client.patch(path, json={"note": f"note {number}"}, headers={"If-Match": etag}).status_code
 
-    threads = [threading.Thread(target=change, args=(f"note {n}",)) for n in range(5)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(5) as pool:
+        codes = list(pool.map(change, range(5)))
     assert sorted(codes) == [200, 412, 412, 412, 412]
 
 

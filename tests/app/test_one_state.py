@@ -171,7 +171,7 @@ def test_a_fault_of_which_only_the_name_is_open_is_one_for_all_three(service: In
     look(service)
     agree(service, "open", LIKELY, stands=True)
     assert messages(service, "open") == ["notch", None]
-    assert "undecided which: tooth damage (notch) or backlash (play)" in service.browse("GET", "/fleet").text
+    assert "undecided which: tooth damage or backlash" in service.browse("GET", "/fleet").text
     given = service.ask("GET", f"{API}/alarms/deliveries?limit=200").json()["items"]
     (told,) = (
         each["message"] for each in given if each["message"]["gearbox"] == "open" and not each["message"]["label"]

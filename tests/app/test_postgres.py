@@ -1,8 +1,8 @@
 """The same service on PostgreSQL: what SQLite serialises by itself must hold there as well."""
 
 import json
-import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
@@ -24,19 +24,14 @@ def server(postgres_database_url: str, tmp_path: Path) -> Iterator[LiveServer]:
 
 def together(server: LiveServer, path: str, count: int, headers: dict[str, str]) -> list[httpx.Response]:
     """Send the same recording as often at once."""
-    answers: list[httpx.Response] = []
 
-    def send() -> None:
+    def send(_: int) -> httpx.Response:
         data = {"metadata": json.dumps({"label": "normal"} if path == CASES else {})}
         with server.client() as client:
-            answers.append(client.post(path, files={"file": ("x.wav", sound(1))}, data=data, headers=headers))
+            return client.post(path, files={"file": ("x.wav", sound(1))}, data=data, headers=headers)
 
-    threads = [threading.Thread(target=send) for _ in range(count)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    return answers
+    with ThreadPoolExecutor(count) as pool:
+        return list(pool.map(send, range(count)))
 
 
 def test_service_on_postgresql(server: LiveServer) -> None:

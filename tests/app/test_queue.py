@@ -2,22 +2,15 @@
 
 import json
 import re
-from collections.abc import Iterator
 from functools import partial
 
 import pytest
 
-from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.inside import Inside
 from benchmarks.harness.sounds import sound
 from benchmarks.harness.worked_out import worked_out
 
 API = "/api/v1"
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inside]:
-    with inside(tmp_path_factory.mktemp("queue") / "data") as found:
-        yield found
 
 
 @pytest.fixture(scope="module")
@@ -57,10 +50,10 @@ def test_after_a_verdict_the_next_one_opens_and_undo_brings_the_last_one_back(
     assert led.startswith(f"/diagnoses/{second}?queue=1&step=")
     page = service.browse("GET", led).text
     assert "3.wav: corrected as play." in page
-    assert "1 of 2 that need a person" in page
+    assert "1 of 2 to check" in page
     led = undo(service, page)
     assert led.startswith(f"/diagnoses/{first}?")
-    assert "1 of 3 that need a person" in service.browse("GET", led).text
+    assert "1 of 3 to check" in service.browse("GET", led).text
     assert service.ask("GET", f"{API}/diagnoses/{first}").json()["revision"] == {
         "state": "open", "label": None, "verified_by": None, "verification": None, "note": None, "by": None, "at": None
     }  # fmt: skip
@@ -111,6 +104,18 @@ def test_a_case_is_kept_only_if_it_is_said_how_it_was_verified_and_is_found_by_t
     undo(service, service.browse("GET", f"/diagnoses/{one}").text)
     assert service.ask("GET", f"{API}/cases").json()["items"] == []
     assert service.ask("GET", f"{API}/diagnoses/{one}").json()["revision"]["state"] != "corrected"
+
+
+def test_requests_of_one_step_are_taken_back_together(service: Inside) -> None:
+    made, headers = [], {"X-Request-ID": "step-of-two-files"}
+    for seed in (51, 52):
+        parts = {"file": (f"{seed}.wav", sound(seed)), "metadata": (None, '{"label": "scuffing"}')}
+        made.append(service.ask("POST", f"{API}/cases", files=parts, headers=headers).raise_for_status().json()["id"])
+    (step,) = service.ask("GET", f"{API}/steps?kind=case&subject={made[0]}").json()["items"]
+    assert step["what"] == "2 cases were kept."
+    assert {each["id"] for each in step["subjects"]} == set(made)
+    assert service.ask("POST", f"{API}/steps/{step['number']}/undo").json()["role"] == "admin"
+    assert service.ask("GET", f"{API}/cases?label=scuffing").json()["items"] == []
 
 
 def test_a_program_answers_the_queue_and_takes_it_back(service: Inside) -> None:

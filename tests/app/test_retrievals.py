@@ -87,6 +87,17 @@ def test_answer(viewer: httpx.Client, table: CaseTable) -> None:
             assert part["case"] == pytest.approx(known[name]["value"])
 
 
+def test_quality_and_motion_are_those_of_a_diagnosis(server: LiveServer, viewer: httpx.Client) -> None:
+    for seconds, period in ((3.0, None), (6.0, pytest.approx(2.0, abs=0.2))):
+        content = sound(8, seconds=seconds)
+        heard = ask(viewer, content).json()
+        with server.client("operator") as client:
+            made = client.post("/api/v1/diagnoses", files={"file": ("x.wav", content)}).raise_for_status().json()
+        stored = ask(viewer, None, recording_id=made["recording"]["id"]).json()
+        assert heard["quality"] == stored["quality"] == made["quality"] != []
+        assert heard["motion_period_s"] == stored["motion_period_s"] == period
+
+
 def test_example_of_the_document_runs(viewer: httpx.Client) -> None:
     body = create_app().openapi()["paths"][RETRIEVALS]["post"]["requestBody"]["content"]["multipart/form-data"]
     example = body["schema"]["properties"]["query"]["examples"][0]

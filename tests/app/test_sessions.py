@@ -9,7 +9,7 @@ from sqlalchemy import func, select
 
 from app.http.security import COOKIE, csrf_token
 from app.http.sessions import open_session
-from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.inside import Inside
 from benchmarks.harness.live import LiveServer, sign_in
 from casebase.store.models import BrowserSession, now
 from sim.experiment.paper_axis import PAPER_AXIS
@@ -75,12 +75,6 @@ def test_live_stream_ends_with_its_session(live_server: LiveServer, admin: httpx
         sign_out(browser)
         assert "event: end" not in list(lines)
     admin.delete(job).raise_for_status()
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inside]:
-    with inside(tmp_path_factory.mktemp("sessions") / "data") as found:
-        yield found
 
 
 def test_a_session_that_is_too_old_counts_and_stays_no_more(service: Inside) -> None:

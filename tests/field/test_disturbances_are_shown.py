@@ -54,9 +54,9 @@ def test_stretches_lie_where_the_disturbance_is(surveyed: Survey) -> None:
     named = {each.text: each for each in stretches(surveyed) if each.text}
     assert named["silence"].start_s == 0
     assert named["silence"].end_s == pytest.approx(SILENT_S, abs=0.2)
-    assert named["bump"].start_s == pytest.approx(KNOCK_S, abs=0.1)
+    assert named["knock"].start_s == pytest.approx(KNOCK_S, abs=0.1)
     assert "silence" in marked(surveyed)
-    assert "bump at 1" in marked(surveyed)
+    assert "knock at 1" in marked(surveyed)
 
 
 def test_analysed_piece_and_cycles_are_those_of_the_survey(surveyed: Survey) -> None:

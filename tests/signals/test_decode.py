@@ -2,8 +2,8 @@
 
 import os
 import struct
-import threading
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from random import Random
 
@@ -185,18 +185,10 @@ def test_many_threads_decode_at_once(tmp_path: Path) -> None:
     for seed in range(8):
         paths.append(tmp_path / f"{seed}.wav")
         soundfile.write(paths[-1], noise(seed=seed), RATE, subtype="PCM_16")
-    found: dict[int, np.ndarray] = {}
-
-    def read(seed: int) -> None:
-        found[seed] = read_recording(paths[seed]).samples
-
-    threads = [threading.Thread(target=read, args=(seed,)) for seed in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for seed in range(8):
-        np.testing.assert_array_equal(found[seed], noise(seed=seed)[:, 0])
+    with ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(read_recording, paths))
+    for seed, recording in enumerate(found):
+        np.testing.assert_array_equal(recording.samples, noise(seed=seed)[:, 0])
 
 
 def test_a_worker_is_limited_cannot_write_and_has_no_secrets(tmp_path: Path) -> None:

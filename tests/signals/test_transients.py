@@ -60,13 +60,6 @@ def test_a_knock_in_one_cycle_is_one_event_with_its_time(time_s: float, frequenc
     assert max(event.excess_db, key=lambda each: event.excess_db[each]) is band
 
 
-BESIDE = pytest.mark.xfail(
-    strict=True,
-    reason="beside a strong knock below 200 Hz noise is taken for knocks, for whitening narrows the band, and what "
-    "rings before and after it for other events",
-)
-
-
 @pytest.mark.parametrize("every", [1, 2])
 def test_a_knock_in_every_stroke_or_in_every_cycle_is_none(every: int) -> None:
     joint = Joint(seed=4, duration_s=25.0)

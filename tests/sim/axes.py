@@ -1,5 +1,7 @@
 """An axis of three shafts for the tests, and the paper's chain."""
 
+from typing import Any
+
 from sim.assembly import drive_train_of
 from sim.chain.model import Chain, Link, Shaft
 from sim.chain.reduction import chain_of
@@ -45,6 +47,34 @@ def axis(**motion: float) -> Axis:
             "motion": {"period_s": 2.4, "load_speed_rad_s": 2.5, "acceleration_time_s": 0.25, **motion},
         }
     )
+
+
+WRIST: dict[str, Any] = {
+    "name": "wrist",
+    "motor": {"inertia_kg_m2": 0.004, "coulomb_friction_n_m": 0.3, "viscous_friction_n_m_s_per_rad": 0.002},
+    "stages": [
+        {
+            "name": "output",
+            "driver_teeth": 11,
+            "driven_teeth": 330,
+            "stiffness_n_m_per_rad": 30e3,
+            "damping_n_m_s_per_rad": 40.0,
+        }
+    ],
+    "load": {"inertia_kg_m2": 4.0, "coulomb_friction_n_m": 4.0},
+    "motion": {"period_s": 4.0, "load_speed_rad_s": 2.0, "acceleration_time_s": 0.5},
+}
+"""One gear of 30 with all that it needs to be simulated."""
+
+
+def two_gears(transfer: tuple[int, int], output: tuple[int, int]) -> Axis:
+    """What is known of an axis that is only heard: the teeth of its stages, driver and driven."""
+    (first, second), (third, fourth) = transfer, output
+    stages = [
+        {"name": "transfer", "driver_teeth": first, "driven_teeth": second, "inertia_kg_m2": 0.02},
+        {"name": "output", "driver_teeth": third, "driven_teeth": fourth},
+    ]
+    return read_axis({"motor": {"inertia_kg_m2": 0.006}, "stages": stages, "load": {"inertia_kg_m2": 40}})
 
 
 def three_shafts(**output: object) -> Chain:

@@ -23,7 +23,7 @@ def test_the_shift(opened: Opened, site: Site) -> None:
     with opened("operator", "/fleet") as page:
         row = page.get_by_role("row", name="bench, shift")
         expect(row).to_contain_text("Fault likely")
-        expect(row).to_contain_text("A person says that it has tooth damage (notch).")
+        expect(row).to_contain_text("A person says that it has tooth damage.")
         row.get_by_role("link").click()
         page.wait_for_url("**/axes/bench/gearboxes/shift")
         page.get_by_role("link", name="The recording that shows it").click()

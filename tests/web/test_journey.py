@@ -92,7 +92,7 @@ def test_diagnose_listen_confirm_by_keyboard(opened: Opened, site: Site) -> None
         expect(page.locator("[data-play]")).to_have_text("Pause")
         page.keyboard.press("Space")
         expect(page.locator("[data-play]")).to_have_text("Listen")
-        page.get_by_label("Label, if corrected").select_option("notch")
+        page.get_by_label("The right name").select_option("notch")
         page.locator("h1").first.click()
         page.keyboard.press("x")
         expect(page.get_by_text("Marked corrected")).to_be_visible()
@@ -104,6 +104,7 @@ def test_diagnose_listen_confirm_by_keyboard(opened: Opened, site: Site) -> None
 def test_plots_become_interactive(opened: Opened, site: Site) -> None:
     """The drawing of the server gives way to a canvas; one cursor is read in every plot over time."""
     with opened("viewer", f"/diagnoses/{site.diagnosis}") as page:
+        page.locator("#details > summary").click()
         for name in ("waveform", "crest"):
             page.locator(f"#plot-{name}").scroll_into_view_if_needed()
             expect(page.locator(f"#plot-{name} [data-ready] canvas")).to_be_visible()
@@ -115,6 +116,7 @@ def test_plots_become_interactive(opened: Opened, site: Site) -> None:
 def test_evidence_leads_to_its_plot(opened: Opened, site: Site) -> None:
     """A row of the evidence names a plot of the page, and a click brings it into sight."""
     with opened("viewer", f"/diagnoses/{site.diagnosis}") as page:
+        page.locator("#details > summary").click()
         link = page.locator("#evidence a[href^='#plot-']").first
         target = page.locator(str(link.get_attribute("href")))
         link.click()
@@ -299,11 +301,11 @@ def test_better_model_is_accepted_once(opened: Opened, site: Site) -> None:
             expect(page.get_by_role("region", name=title).locator("[data-ready] canvas")).to_be_visible()
         expect(page.get_by_role("region", name="Motor torque: residual").get_by_text("noise floor")).to_be_visible()
         expect(page.get_by_text("rolling bearings were not examined")).to_be_visible()
-        page.get_by_role("button", name="Enter in the description").click()
+        page.get_by_role("button", name="Update the description").click()
         page.wait_for_url("**/axes/one*body")
         expect(page.get_by_text("Revision 2,")).to_be_visible()  # the first is the description as it was given
         page.goto(site.url + path)
-        expect(page.get_by_role("button", name="Enter in the description")).to_have_count(0)
+        expect(page.get_by_role("button", name="Update the description")).to_have_count(0)
         page.get_by_role("link", name="revision 2 of").click()
         page.wait_for_url("**/axes/one*body")
     with browsing(site, "admin") as client:

@@ -1,4 +1,4 @@
-"""What needs a person, by keys alone: begin, answer, the next one opens, take it back."""
+"""Diagnoses to check, by keys alone: begin, answer, the next one opens, take it back."""
 
 import json
 
@@ -20,7 +20,7 @@ def test_the_queue_by_keys(opened: Opened, site: Site) -> None:
     with opened("admin", "/queue") as page:
         count = int(page.locator("h1").inner_text().split()[-2])
         page.keyboard.press("j")
-        expect(page.locator("nav.queue")).to_contain_text(f"1 of {count} that need a person")
+        expect(page.locator("nav.queue")).to_contain_text(f"1 of {count} to check")
         first = page.url
         page.wait_for_load_state()  # a key that is pressed before the page's script runs is lost
         page.keyboard.press("x")
@@ -30,9 +30,9 @@ def test_the_queue_by_keys(opened: Opened, site: Site) -> None:
         page.keyboard.press("n")
         page.wait_for_url("**step=*")
         expect(page.locator(".notice")).to_contain_text("rejected")
-        expect(page.locator("nav.queue")).to_contain_text(f"1 of {count - 1} that need a person")
+        expect(page.locator("nav.queue")).to_contain_text(f"1 of {count - 1} to check")
         page.wait_for_load_state()
         page.keyboard.press("z")
         page.wait_for_url("**undone=1*")
         assert page.url.partition("?")[0] == first.partition("?")[0]
-        expect(page.locator("nav.queue")).to_contain_text(f"1 of {count} that need a person")
+        expect(page.locator("nav.queue")).to_contain_text(f"1 of {count} to check")

@@ -75,6 +75,7 @@ def test_the_page_of_a_job_that_is_over_opens(tab: Tab, site: Site) -> None:
 def test_the_line_of_the_circle_is_the_phase_of_the_text(tab: Tab, site: Site) -> None:
     """One number in fact, evidence and circle, and it is called what it is: no angle of a gear."""
     with tab(f"/diagnoses/{site.diagnosis}") as page:
+        page.locator("#details > summary").click()
         fact = page.locator(".facts div", has_text="Time in the cycle").inner_text()
         found = re.search(r"phase (\d+)°", fact)
         assert found is not None

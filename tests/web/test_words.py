@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from app.commands.diagnose import is_fault
 from app.report.charts import envelope
 from app.report.diagnosis_view import evidence_of, facts_of
-from app.report.formatting import percent
+from app.report.formatting import NO_BREAK, percent
 from app.report.svg import Series, line_chart
 from app.report.words import CHECKS, verdict_of
 from sim.mechanisms import MECHANISMS
@@ -38,8 +38,8 @@ def document(**changes: object) -> dict[str, Any]:
         "quality": [],
         "severity": {"parameter": "depth_rad", "value": 1.4e-3, "low": 5.6e-4, "high": 3.7e-3, "cases": 30},
         "evidence": [
-            {"kind": "event", "quantity": "notch_phase", "value": 263.0, "statement": "a bump", "unit": "deg"},
-            {"kind": "event", "quantity": "play_phase", "value": 329.0, "statement": "a bump", "unit": "deg"},
+            {"kind": "event", "quantity": "notch_phase", "value": 263.0, "statement": "an impact", "unit": "deg"},
+            {"kind": "event", "quantity": "play_phase", "value": 329.0, "statement": "an impact", "unit": "deg"},
         ],
         "novelty": {"distance": 0.1, "threshold": 0.4},
         "provenance": {"gearboxes": 4},
@@ -48,7 +48,7 @@ def document(**changes: object) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("gearboxes", "said"), [(0, "0.90 of 1"), (1, "0.90 of 1"), (2, percent(0.9)), (40, percent(0.9))]
+    ("gearboxes", "said"), [(0, "score 0.90"), (1, "score 0.90"), (2, percent(0.9)), (40, percent(0.9))]
 )
 def test_how_sure_stands_in_per_cent_only_where_it_is_calibrated(gearboxes: int, said: str) -> None:
     told = document(provenance={"gearboxes": gearboxes})
@@ -78,7 +78,7 @@ def undecided(**changes: object) -> dict[str, Any]:
 
 def test_what_is_excluded_is_not_left() -> None:
     summary = verdict_of(undecided()).summary
-    assert "backlash (play)" in summary
+    assert "backlash" in summary
     assert "no fault" not in summary
     assert "excluded" in verdict_of(undecided(labels=[])).summary, "nothing is left"
 
@@ -113,6 +113,23 @@ def test_a_step_by_hand_begins_with_securing() -> None:
     assert len(moved) >= 7
     for step in moved:
         assert "may drop when the brake is released" in step
+
+
+def test_a_check_has_the_time_in_the_cycle() -> None:
+    period = {"kind": "motion", "quantity": "motion_period", "value": 4.0, "statement": "the motion", "unit": "s"}
+    told = document(evidence=[*document()["evidence"], period])
+    assert f"2.92{NO_BREAK}s after the first reversal" in verdict_of(told).checks[0]
+    assert "time" not in verdict_of(document()).checks[0]
+
+
+def test_evidence_with_no_share_is_not_shown() -> None:
+    side = {"label": "notch", "low": 3.0, "high": 9.0}
+    rows = [
+        {"kind": "feature", "quantity": "rms", "value": 1.0, "unit": "1", "same": side, "other": None, "share": share}
+        for share in (0.6, 0.004)
+    ]
+    shown = evidence_of(document(evidence=rows), (), {})["compared"]
+    assert [row["share"] for row in shown] == [percent(0.6)]
 
 
 def test_evidence_leads_only_to_plots_that_are_drawn() -> None:

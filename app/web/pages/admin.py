@@ -224,7 +224,7 @@ def create_rule(
 ) -> Response:
     """Make a rule."""
     if not receivers:
-        raise Unprocessable("Say who is told: tick a receiver. Without one, make one first.")
+        raise Unprocessable("Say who gets the message: tick a receiver. Without one, make one first.")
     per_cent, mrad = _number("How sure [%]", least_probability), _number("The size [mrad]", least_size_mrad)
     asked = checked_form(
         RuleRequest,

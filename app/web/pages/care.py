@@ -16,7 +16,6 @@ from app.http.errors import Unprocessable
 from app.http.security import check_csrf
 from app.http.uploads import TheUpload
 from app.recordings.bundle_import import order as order_import
-from app.report.words import name_of
 from app.service import Reading, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
 from app.web.forms import MOST_AT_ONCE
@@ -106,7 +105,6 @@ def simulate_page(
         "axis": axis,
         "counts": counts,
         "usual": LABELS,
-        "name_of": name_of,
         "most": MOST_AT_ONCE,
         "not_simulated": label if label and label not in labels() else "",
         "no_place": label if label in labels() and label not in offered else "",

@@ -1,4 +1,4 @@
-"""Diagnoses: the list, a new one, one of them, what a person says of it; what needs a person; steps taken back."""
+"""Diagnoses: the list, a new one, one of them, what a person says of it; which are to be checked; steps taken back."""
 
 import json
 from collections import Counter
@@ -17,12 +17,12 @@ from app.http.uploads import TheUpload
 from app.investigations import investigations_from
 from app.recordings.intake import RecordingMetadata
 from app.report.diagnosis_view import diagnosis_html, view_of
+from app.report.formatting import name_of
 from app.report.words import (
     VERDICTS,
     how_sure,
     investigation_headline,
     is_compared,
-    name_of,
     names_fault,
     verdict_of,
     verdict_word,
@@ -35,6 +35,7 @@ from app.web.forms import (
     LabelGiven,
     Verified,
     choices,
+    import_choices,
     may_keep,
     number_of,
     said_how,
@@ -99,9 +100,9 @@ def listed(
 
 
 @router.get("/diagnoses/new")
-def upload_page(request: Request, principal: PageOperator) -> Response:
-    """The form for those who do not drop."""
-    context = {"base_url": str(request.base_url).rstrip("/")}
+def upload_page(request: Request, session: Reading, service: TheService, principal: PageOperator) -> Response:
+    """The form for those who do not drop, and the table of many recordings."""
+    context = {"base_url": str(request.base_url).rstrip("/"), **import_choices(service, session)}
     return render(request, "upload.html", context, principal=principal, section="/diagnoses")
 
 
@@ -234,7 +235,7 @@ def revise(
         session.flush()
         step = newest_of(session, name)
     if place is None:
-        return lead(service, f"/diagnoses/{diagnosis_id}?step={step}#revise")
+        return lead(service, f"/diagnoses/{diagnosis_id}?step={step}")
     left = queue_of(service)
     after = place.after if place.after in left else next(iter(left), None)
     return lead(service, f"/diagnoses/{after}?queue=1&step={step}" if after else f"/queue?step={step}")

@@ -31,6 +31,7 @@ from app.web.forms import (
     LabelQuestion,
     choices,
     damage_of,
+    import_choices,
     label_given,
     number,
     number_of,
@@ -168,7 +169,7 @@ def _changed(service: Service, step: int | None) -> Response:
 @router.get("/library/add")
 def add_page(request: Request, session: Reading, service: TheService, principal: PageAdmin) -> Response:
     """The form of a new case."""
-    context = {"choices": choices(one for one, _ in service.counts(session)), "ways": VERIFICATIONS}
+    context = import_choices(service, session)
     return render(request, "add_case.html", context, principal=principal, section=SECTION)
 
 
@@ -357,9 +358,10 @@ def spectrogram(
     principal: Visitor,
     recording_id: str,
     theme: Literal["light", "dark"] = "light",
+    top_hz: Annotated[float, Query(ge=0, le=1e6)] = 0.0,
 ) -> Response:
     """The spectrogram, drawn here because browsers resample sound."""
     allowed(session, principal, request, recording_id)
     row = service.library.retrieve.recording(session, recording_id)
-    image = spectrogram_png(service, row, dark=theme == "dark")
+    image = spectrogram_png(service, row, dark=theme == "dark", top_hz=top_hz)
     return Response(image, headers=api.UNTIL_ERASED, media_type="image/png")

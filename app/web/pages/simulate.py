@@ -73,8 +73,8 @@ def sliders(axis: Axis) -> tuple[Slider, ...]:
     error = _described(axis, KinematicError)
     order = error.get("order", last.driver_teeth or 2.0)
     return (
-        _slider("gap_mrad", f"Backlash (play) {gear}", "mrad", 3.0, 1e3 * gap_rad),
-        _slider("notch_mrad", f"Tooth damage (notch) {gear}, depth", "mrad", 3.0, 1e3 * depth_rad),
+        _slider("gap_mrad", f"Backlash {gear}", "mrad", 3.0, 1e3 * gap_rad),
+        _slider("notch_mrad", f"Tooth damage {gear}, depth", "mrad", 3.0, 1e3 * depth_rad),
         _slider("error_mrad", f"Transmission error {gear}", "mrad", 0.3, 1e3 * error.get("amplitude_rad", 0.0)),
         _slider("order", "Order of this error", "per turn of its pinion", 50.0, order, low=0.5),
         _slider("friction", "Dry friction of motor and load", "times the data sheet", 5.0, 1.0),

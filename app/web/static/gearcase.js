@@ -1,10 +1,8 @@
 // What a page gains with JavaScript. Everything here has a way without it: forms post, links lead, charts are drawn.
 "use strict";
+import { all, dropped, importer, one } from "./import.js";
 import { recorder } from "./record.js";
 import { drawAnew, playhead, start, style } from "./plots.js";
-
-const one = (selector, root = document) => root.querySelector(selector);
-const all = (selector, root = document) => [...root.querySelectorAll(selector)];
 
 /* theme */
 function drawnBesides() {
@@ -95,6 +93,18 @@ async function described(form) {
     : `${file.name}: ${(file.size / 1e6).toFixed(2)} MB; rate and length are read on the server`;
 }
 
+/* several recordings: the table of this page, or the one of the page of a new diagnosis, put before this page's content */
+let many = one("[data-import]") && importer(one("[data-import]"));
+async function several(found) {
+  if (!many) {
+    const page = new DOMParser().parseFromString(await (await fetch(upload.action)).text(), "text/html");
+    one("main").prepend(one("[data-import]", page));
+    many = importer(one("[data-import]"));
+  }
+  one("#many").scrollIntoView();
+  await many(await found);
+}
+
 /* drop a recording anywhere */
 const upload = one("form[data-upload]");
 const opener = one("[data-diagnose-link]");
@@ -115,6 +125,8 @@ if (upload || opener) {
     depth = 0;
     document.body.classList.remove("dragging");
     const form = one("main form[data-upload]") ?? upload;
+    const found = dropped(event.dataTransfer);
+    if (found) return several(found);
     if (!form || !event.dataTransfer.files.length) return;
     one("input[type=file]", form).files = event.dataTransfer.files;
     form.closest("dialog")?.showModal();
@@ -183,19 +195,22 @@ async function beginning(file, binary) {
   const start = new Uint8Array(await file.slice(0, 65536).arrayBuffer());
   return new File([start.slice(0, start.lastIndexOf(10) + 1)], file.name);
 }
+async function post(path, form, parts) {
+  const body = new FormData();
+  for (const [name, value] of Object.entries({ csrf: form.elements.csrf.value, ...parts })) body.append(name, value);
+  const answer = await fetch(path, { method: "POST", body, headers: { Accept: "application/json" } });
+  return [answer.ok, await answer.json()];
+}
 async function columns(input) {
   const [map, said] = [one("#channels"), one("[data-columns-said]")];
   if (!input.files.length) return true;
-  const form = new FormData();
-  form.append("csrf", one("input[name=csrf]", input.form).value);
-  form.append("telemetry", await beginning(input.files[0], input.dataset.binary.split(",")));
-  const answer = await fetch(input.dataset.columns, { method: "POST", body: form, headers: { Accept: "application/json" } });
-  const found = await answer.json();
+  const telemetry = await beginning(input.files[0], input.dataset.binary.split(","));
+  const [ok, found] = await post(input.dataset.columns, input.form, { telemetry });
   map.value = found.map ?? "";
-  if (!answer.ok) said.textContent = found.detail;
+  if (!ok) said.textContent = found.detail;
   else if (found.open) said.textContent = `To be filled in where ... stands, or chosen: ${found.open}.`;
   else said.textContent = found.map ? "Every column was recognised by its name and unit, and is read as shown above." : "The columns have the names of the channels: no map is needed.";
-  return answer.ok && !found.open; // whether it can be read as it is
+  return ok && !found.open; // whether it can be read as it is
 }
 
 /* log and sound laid over each other before anything is asked; the sound is moved by its offset */
@@ -206,12 +221,8 @@ function preview(section) {
   let [log, sound, asked] = [null, null, 0];
 
   async function ask(parts) {
-    const body = new FormData();
-    body.append("csrf", field("csrf").value);
-    for (const [name, value] of Object.entries(parts)) body.append(name, value);
-    const answer = await fetch(section.dataset.preview, { method: "POST", body, headers: { Accept: "application/json" } });
-    const found = await answer.json();
-    if (!answer.ok) throw new Error(found.detail);
+    const [ok, found] = await post(section.dataset.preview, form, parts);
+    if (!ok) throw new Error(found.detail);
     return found;
   }
   // the sound's level at a time of the log, none where it has not begun or has ended
@@ -302,6 +313,20 @@ if (player && window.WaveSurfer) {
     cspNonce: nonce,
   });
   addEventListener("gearcase:theme", () => wave.setOptions(colours()));
+  // the spectrogram and the marks lie in the waveform, so that playhead and zoom are theirs, too
+  const marks = Object.entries(JSON.parse(player.dataset.marks ?? "{}")).flatMap(([part, times]) =>
+    times.map((seconds) => {
+      const mark = document.createElement("span");
+      mark.setAttribute("part", part);
+      mark.style.left = `${(100 * seconds) / player.dataset.seconds}%`;
+      return mark;
+    }),
+  );
+  const drawn = [...all("img", player), ...marks];
+  wave.getWrapper().append(...drawn);
+  const zoom = one("[data-zoom]");
+  if (zoom) zoom.hidden = false;
+  zoom?.addEventListener("input", ({ target }) => wave.zoom((target.value * player.clientWidth) / wave.getDuration()));
   one("audio[data-plain]")?.remove();
   const button = one("[data-play]");
   const clock = one("[data-clock]");
@@ -324,6 +349,7 @@ if (player && window.WaveSurfer) {
       other = back ? null : choice;
       choice.setAttribute("aria-pressed", String(!back));
       const at = wave.getCurrentTime();
+      drawn.forEach((each) => (each.hidden = !back)); // they are of this recording alone
       wave.load(back ? player.dataset.audio : choice.dataset.compare).then(() => {
         const reference = Math.min(own, level);
         wave.setVolume(Math.min(1, reference / (back ? own : level)));
@@ -408,13 +434,6 @@ if (pair) {
     second.currentTime = at;
     if (plays) second.play();
   });
-}
-
-/* what was folded away stays folded away */
-for (const element of all("details[data-remember]")) {
-  const name = `gearcase-${element.dataset.remember}`;
-  if (localStorage.getItem(name) === "closed") element.open = false;
-  element.addEventListener("toggle", () => localStorage.setItem(name, element.open ? "open" : "closed"));
 }
 
 /* on a narrow screen tables are cards, whose values say what they are */

@@ -153,8 +153,7 @@ WEAK = 0.85  # of a finding beside something without a name
 SAME_PITCH = 0.03  # relative
 FIRST_TO_MEND = (Clipping, LostSamples, ToothDamage, Backlash, StructuralResonance, MeshError, BearingDefect)
 ADVICE = (
-    "How deep tooth damage (notch) or how wide backlash (play) is cannot be heard. "
-    "Telemetry shows that, and what was not examined."
+    "How deep tooth damage or how wide backlash is cannot be heard. Telemetry shows that, and what was not examined."
 )
 COMPARE = (
     "Give a recording of the same motion from when the axis was new as well, if there is one: it shows whether teeth "

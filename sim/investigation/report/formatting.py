@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from sim.mechanisms.catalogue import kind_or_any
-
 NO_BREAK, MINUS = "\N{NO-BREAK SPACE}", "\N{MINUS SIGN}"
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SMALL = 1e-4  # below, powers of ten
@@ -144,18 +142,16 @@ def likely(probability: float, *, calibrated: bool) -> str:
     """How sure one may be, in words and as a number: in per cent only where that is calibrated.
 
     >>> likely(0.954, calibrated=True), likely(0.954, calibrated=False)
-    ('very likely (95\\xa0%)', 'very likely (0.95 of 1, not calibrated)')
+    ('very likely (95\\xa0%)', 'very likely (score 0.95, not calibrated)')
     """
-    return f"{sure(probability)} ({percent(probability) if calibrated else f'{probability:.2f} of 1, not calibrated'})"
+    return f"{sure(probability)} ({percent(probability) if calibrated else f'score {probability:.2f}, not calibrated'})"
 
 
 def named(mechanism: str, location: str | None = None) -> str:
-    """A mechanism, with the word of the workshop where that is another, and where it sits.
+    """A mechanism, and where it sits.
 
     >>> named("tooth_damage", "output"), named("encoder_error")
-    ('tooth damage (notch) at output', 'encoder error')
+    ('tooth damage at output', 'encoder error')
     """
     name = mechanism.replace("_", " ")
-    also = kind_or_any(mechanism).workshop_name
-    name = f"{name} ({also})" if also else name
     return f"{name} at {location}" if location else name

@@ -23,7 +23,6 @@ class Backlash(Mechanics):
     """
 
     name = "backlash"
-    workshop_name = "play"
     parameters = (Parameter("gap_rad", "rad", 0.0, 0.1, 1e-3),)
     size = "gap_rad"
     locations = meshes

@@ -31,7 +31,6 @@ class ToothDamage(Mechanics):
     """
 
     name = "tooth_damage"
-    workshop_name = "notch"
     parameters = (
         Parameter("angle_rad", "rad", 0.0, 2 * math.pi, 1.1, periodic=True),
         Parameter("depth_rad", "rad", 0.0, 0.05, 1e-3),

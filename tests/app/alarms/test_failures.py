@@ -14,7 +14,7 @@ from app.alarms import sending
 from app.fleet import settle
 from app.jobs.runner import Worker
 from app.settings import settings_of
-from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.inside import Inside
 from casebase.alarms import outbox
 from casebase.alarms.outbox import RETRIES
 from casebase.library import CaseLibrary
@@ -93,12 +93,6 @@ FAILURES = {
 }
 
 
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inside]:
-    with inside(tmp_path_factory.mktemp("failures") / "data") as opened:
-        yield opened
-
-
 @pytest.fixture
 def work(service: Inside, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
     """Do all that is to be done, as a worker with these settings does it."""
@@ -125,11 +119,12 @@ def posted(service: Inside, address: str, secret: str | None = None, **facts: ob
         return outbox.post(session, [receiver.id], FACTS | facts)[0].id
 
 
-def state(service: Inside, delivery: str, *, due: bool = False) -> Delivery:
-    """Return a delivery, whose time has come if it is to be due."""
+def state(service: Inside, delivery: str, *, due_after: int | None = None) -> Delivery:
+    """Return a delivery; with a number of attempts it has had these, and the next one is due."""
     with service.service.library.transaction("test") as session:
         row = session.get_one(Delivery, delivery)
-        if due:
+        if due_after is not None:
+            row.attempts = due_after
             session.get_one(StoredJob, row.job_id).not_before = None
         return row
 
@@ -144,7 +139,8 @@ def test_every_failure_is_tried_ten_times_and_listed(
     with server(failure.talk or silence) as port:
         port = free_port() if failure.talk is None else port
         delivery = posted(service, failure.address.format(port=port), failure.secret)
-        for number in range(1, 11):
+        for number in range(1, 11) if name == "refused" else (1, 10):
+            state(service, delivery, due_after=number - 1)
             work(**{name: value.format(port=port) for name, value in failure.given.items()})
             found = state(service, delivery)
             assert (found.attempts, failure.words.lower() in str(found.error).lower()) == (number, True), found.error
@@ -152,7 +148,6 @@ def test_every_failure_is_tried_ten_times_and_listed(
             assert found.state == ("waiting" if number < 10 else "failed")
             if found.next_at is not None:
                 assert abs((found.next_at - now() - RETRIES[number - 1]).total_seconds()) < 60
-                state(service, delivery, due=True)
     (given_up, *_) = service.ask("GET", f"{DELIVERIES}?state=failed").json()["items"]
     assert (given_up["id"], given_up["attempts"]) == (delivery, 10)
     assert f"/deliveries/{delivery}/retry" in service.browse("GET", "/alarms").text

@@ -1,21 +1,14 @@
 """The page of alarms: what it makes, shows once, and refuses in words."""
 
 import re
-from collections.abc import Iterator
 
 import pytest
 from sqlalchemy import select
 
-from benchmarks.harness.inside import Inside, inside
+from benchmarks.harness.inside import Inside
 from casebase.store.models import AlarmReceiver, AlarmRule, Delivery
 
 HOOK = "https://tickets.example.com/in/secret-path"
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inside]:
-    with inside(tmp_path_factory.mktemp("page") / "data") as opened:
-        yield opened
 
 
 def send(service: Inside, path: str, **data: object) -> str:
@@ -59,14 +52,14 @@ def test_from_a_receiver_to_a_message(service: Inside) -> None:
     assert named.status_code == 409
     assert "large notches" in named.text
     send(service, f"rules/{rule.id}/remove", x="")
-    assert "Nobody is told of anything" in send(service, f"receivers/{receiver.id}/remove", x="")
+    assert "Nobody gets a message" in send(service, f"receivers/{receiver.id}/remove", x="")
 
 
 @pytest.mark.parametrize(
     ("path", "data", "words"),
     [
         ("receivers", {"name": "a", "kind": "email", "address": "a@b", "quiet_from": "22:00"}, "quiet hours are two"),
-        ("rules", {"name": "a", "kind": "state"}, "Say who is told"),
+        ("rules", {"name": "a", "kind": "state"}, "Say who gets the message"),
         ("rules", {"name": "a", "kind": "state", "receivers": "0" * 32}, "receivers that are there"),
         ("rules", {"name": "a", "kind": "state", "receivers": "0" * 32, "least_probability": "x"}, "must be a number"),
     ],

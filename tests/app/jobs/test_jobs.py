@@ -8,10 +8,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from threading import Event, Thread
+from threading import Event
 
 import psycopg
 import pytest
@@ -253,11 +254,8 @@ def test_threads_of_a_worker_do_a_step_once(place: Place) -> None:
         place.jobs.submit("count", {"number": number})
     kind = JobKind("count", "", lambda _: [], lambda *_: None, lambda given, _: done.append(given["number"]))
     worker = Worker.begin(place.library, [kind], "threads", Event())
-    threads = [Thread(target=lambda: all(iter(lambda: worker.do_one(("plan", "finish")), False))) for _ in range(6)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(6) as pool:
+        list(pool.map(lambda _: all(iter(lambda: worker.do_one(("plan", "finish")), False)), range(6)))
     assert sorted(map(str, done)) == sorted(map(str, range(20)))
 
 

@@ -5,11 +5,9 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
-import pytest
 
 from benchmarks.harness.live import LiveServer
 
@@ -41,12 +39,6 @@ def _worker(data_dir: Path) -> subprocess.Popen[bytes]:
 
 
 Event = tuple[str, int | None, dict[str, object]]
-
-
-@pytest.fixture
-def admin(live_server: LiveServer) -> Iterator[httpx.Client]:
-    with live_server.client("admin") as client:
-        yield client
 
 
 def _events(client: httpx.Client, url: str, after: int | None = None) -> list[Event]:

@@ -16,22 +16,14 @@ from sim.investigation.acoustic.evidence import AcousticResult
 from sim.investigation.acoustic.fusion import sound_alone
 from sim.investigation.investigate import investigate
 from sim.investigation.report.summary import story
+from tests.sim.axes import two_gears
 
 Array = NDArray[np.float64]
 RATE, SECONDS, STROKE_S, RAMP_S = 8_000, 24, 2.0, 0.3
 ORDERS = {"transfer": 14.0, "output": 2.0}
 HOUSING = ((420.0, 0.03, 1.0), (1_300.0, 0.02, 0.7), (2_500.0, 0.03, 0.5))  # Hz, damping ratio, gain
 LOOSE = (1_800.0, 0.01, 0.8)
-AXIS = read_axis(
-    {
-        "motor": {"inertia_kg_m2": 0.006},
-        "stages": [
-            {"name": "transfer", "driver_teeth": 14, "driven_teeth": 98, "inertia_kg_m2": 0.02},
-            {"name": "output", "driver_teeth": 14, "driven_teeth": 140},
-        ],
-        "load": {"inertia_kg_m2": 40},
-    }
-)
+AXIS = two_gears((14, 98), (14, 140))
 
 
 def rung(mode: tuple[float, float, float], force: Array) -> Array:

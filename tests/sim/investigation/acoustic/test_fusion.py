@@ -17,19 +17,11 @@ from sim.investigation.acoustic.fusion import not_named_yet, sound_alone, sound_
 from sim.investigation.acoustic.recording_quality import mismatch
 from sim.investigation.data.preprocessing import Measurement, prepare
 from sim.investigation.investigate import investigate
+from tests.sim.axes import two_gears
 
 Array = NDArray[np.float64]
 RATE, SECONDS, PERIOD_S, SPEED_RAD_S, RAMP_S = 8000, 16, 4.0, 2.5, 0.4
-AXIS = read_axis(
-    {
-        "motor": {"inertia_kg_m2": 0.006},
-        "stages": [
-            {"name": "transfer", "driver_teeth": 12, "driven_teeth": 96, "inertia_kg_m2": 0.02},
-            {"name": "output", "driver_teeth": 12, "driven_teeth": 150},
-        ],
-        "load": {"inertia_kg_m2": 40},
-    }
-)
+AXIS = two_gears((12, 96), (12, 150))
 
 
 def course() -> tuple[Array, Array, Array]:

@@ -10,22 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 from signals.recording import Recording
-from sim.description.axis_document import read_axis
 from sim.investigation.acoustic.evidence import AcousticResult
 from sim.investigation.acoustic.fusion import sound_alone
+from tests.sim.axes import two_gears
 
 Array = NDArray[np.float64]
 RATE = 8000
-AXIS = read_axis(
-    {
-        "motor": {"inertia_kg_m2": 0.006},
-        "stages": [
-            {"name": "transfer", "driver_teeth": 20, "driven_teeth": 101, "inertia_kg_m2": 0.02},
-            {"name": "output", "driver_teeth": 13, "driven_teeth": 100},
-        ],
-        "load": {"inertia_kg_m2": 40},
-    }
-)
+AXIS = two_gears((20, 101), (13, 100))
 STROKES = (  # rad, rad/s, s at rest after it
     (2.9, 2.1, 0.3), (-4.1, 1.9, 0.5), (5.2, 2.3, 0.2), (-3.0, 1.4, 0.6), (2.6, 2.2, 0.4), (-3.9, 1.6, 0.3),
     (4.6, 2.4, 0.5), (-4.4, 2.0, 0.4),

@@ -32,6 +32,7 @@ from sim.mechanisms.catalogue import with_mechanism
 from sim.mechanisms.locations import stage_names, with_error
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Parameter, Signature
 from sim.rotational.drive_train import DriveTrain
+from tests.sim.axes import WRIST
 
 BENCH = read_axis(
     {
@@ -42,22 +43,10 @@ BENCH = read_axis(
 )
 GEARED = read_axis(
     {
-        "name": "geared",
-        "motor": {"inertia_kg_m2": 0.004, "coulomb_friction_n_m": 0.3, "viscous_friction_n_m_s_per_rad": 0.002},
-        "stages": [
-            {
-                "name": "output",
-                "driver_teeth": 11,
-                "driven_teeth": 330,
-                "stiffness_n_m_per_rad": 30e3,
-                "damping_n_m_s_per_rad": 40.0,
-                "backlash_rad": 2e-5,
-                "transmission_error_rad": 1e-6,
-            }
-        ],
-        "load": {"inertia_kg_m2": 4.0, "coulomb_friction_n_m": 4.0, "viscous_friction_n_m_s_per_rad": 3.0},
+        **WRIST,
+        "stages": [{**WRIST["stages"][0], "backlash_rad": 2e-5, "transmission_error_rad": 1e-6}],
+        "load": {**WRIST["load"], "viscous_friction_n_m_s_per_rad": 3.0},
         "load_encoder": {"error_rad": 1e-5},
-        "motion": {"period_s": 4.0, "load_speed_rad_s": 2.0, "acceleration_time_s": 0.5},
     }
 )
 
