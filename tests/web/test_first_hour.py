@@ -70,7 +70,7 @@ def test_the_first_hour_from_an_empty_data_directory(page: Page) -> None:
     page.get_by_label("Cases of each of no fault, backlash, tooth damage").fill("1")
     page.get_by_role("button", name="Simulate", exact=True).click()
     simulated = page.locator("#simulated")
-    expect(simulated).to_contain_text("3 simulated cases: 1 normal, 1 notch and 1 play.", timeout=120_000)
+    expect(simulated).to_contain_text("3 simulated cases: 1 no fault, 1 tooth damage and 1 backlash.", timeout=120_000)
     expect(answers).to_contain_text(re.compile(r"it names [01] of 1 of your recordings rightly"), timeout=120_000)
     expect(answers).to_contain_text("whether it hears one is known from simulation alone")
     expect(banner).to_contain_text("Next: Record four more normal recordings of gearbox w1.")
