@@ -26,6 +26,7 @@ FAULT = "The service failed; this is not your fault"
 RESULTS: dict[str, tuple[Json, ...]] = {
     "simulations": ({"new": 3, "known": 1, "simulation_s": 1.5, "counts": {"normal": 4}},),
     "investigations": ({"investigation_id": "0" * 32, "verdict": "named"},),
+    "imports": ({"new": ["0" * 32], "known": 1, "refused": {"audio/a.wav": "it is silent"}},),
     "deliveries": ({"state": "sent"},),
 }
 """What a job of each kind ends with."""
