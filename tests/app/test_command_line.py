@@ -106,7 +106,7 @@ def test_ctrl_c_leaves_one_sentence_of_what_is_kept(tmp_path: Path) -> None:
     """As a terminal sends it: to the command and to the processes that it started."""
     axis = tmp_path / "axis.toml"
     axis.write_text(write_axis(PAPER_AXIS))
-    words = ["generate", "--axis", str(axis), "--per-label", "9", "--processes", "2", "--json"]
+    words = ["generate", "--axis", str(axis), "--per-label", "200", "--processes", "2", "--json"]
     running = subprocess.Popen(
         [sys.executable, "-m", "app", *words, "--data-dir", str(tmp_path / "data")],
         stdout=subprocess.PIPE,

@@ -15,8 +15,9 @@ ROOT = Path(__file__).parents[3]
 NAMED = re.compile(rf"({'|'.join(MECHANISMS)})(@.*)?")
 QUOTED = re.compile(rf"[\"'](?:{'|'.join(MECHANISMS)})")
 KINDS_OF_THE_DIAGNOSIS = {
-    "signals/recording_quality/quality.py": {"clipping"}
-}  # disturbances, by the words of its document
+    "signals/recording_quality/quality.py": {"clipping"},  # disturbances, by the words of its document
+    "app/report/formatting.py": {"backlash"},  # what people call `play`
+}
 FREE_OF_KINDS = ("search", "estimation", "assessment", "pooling", "next_measurement")
 
 
