@@ -1,23 +1,30 @@
 """What a request asks to be investigated: an axis or a robot, described there or stored, and measured data of it."""
 
+import json
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 from app.http.errors import TooLarge, Unprocessable
-from app.http.uploads import Upload
-from app.investigations import Measured, Question, take_in, take_in_robot
+from app.http.uploads import Upload, UploadedFile
+from app.investigations import Measured, Question, files_of, get_investigation, map_before, take_in, take_in_robot
 from app.service import Service
 from casebase.axes import get_axis
 from casebase.diagnoses import get_diagnosis
 from casebase.store import revisions
-from casebase.store.models import RobotRevision
+from casebase.store.models import RobotRevision, StoredInvestigation
+from signals.reading.documents import parse_foreign
+from signals.telemetry import recognise_columns, recognise_joint_columns
 from sim.description.axis import Axis
 from sim.description.axis_document import parse_axis, read_axis
 from sim.robot.foreign import ForeignRobot, check_foreign, foreign_robot
 from sim.robot.robot import LARGEST_URDF_BYTES
 
 PARTS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s", "channels", "robot", "urdf", "diagnosis")
+BLANK = re.compile(r"(?:(?<=[=,] )|(?<=\[))\.\.\.(?=[,}\]])")
+"""What has to be filled in, in a channel map that was recognised."""
 
 
 def asked_of(service: Service, upload: Upload) -> tuple[tuple[object, ...], Callable[[], Question]]:
@@ -48,6 +55,74 @@ def asked_of(service: Service, upload: Upload) -> tuple[tuple[object, ...], Call
     offset = offset_of(upload)
     take = partial(take_in, service.library, axis, telemetry, sounds, offset, as_new, channels, diagnosed)
     return (axis.to_mapping(), hashes, offset, *mapped, *([diagnosed] if diagnosed else [])), take
+
+
+def given(upload: Upload, *parts: str) -> bool:
+    """Whether a form has one of these parts."""
+    return bool({*parts} & {*upload.files, *upload.fields})
+
+
+def completed(service: Service, upload: Upload) -> Upload:
+    """Return the form of the page with the stored axis or robot that was chosen there (`subject`), and with what it
+    does not replace of the investigation that is asked for again."""
+    upload = upload.filled()
+    kind, _, name = upload.fields.pop("subject", "").partition("/")
+    if name and not given(upload, "axis", "robot", "urdf"):
+        upload.fields[kind] = name
+    if again := upload.fields.pop("again", ""):
+        with service.library.reading() as session:
+            row = get_investigation(session, again)
+        _put_back(service, upload, row)
+    if given(upload, "robot", "urdf"):
+        upload.fields.pop("sound_offset_s", None)
+    return upload
+
+
+def _put_back(service: Service, upload: Upload, row: StoredInvestigation) -> None:
+    """Put the description and the files of an investigation where a form has no others."""
+    parts = ["telemetry"]
+    if not given(upload, "axis", "robot", "urdf"):
+        upload.fields["robot" if row.robot else "axis"] = json.dumps(row.axis_document)
+        parts.append("urdf")
+    if not given(upload, "robot"):
+        parts += ["as_new"] if row.diagnosis_id else ["sound", "as_new"]
+    for part in parts:
+        if part not in upload.files and (kept := files_of(row.inputs, part)):
+            upload.files[part] = [_stored(service, str(one["name"]), str(one["sha256"])) for one in kept]
+
+
+def _stored(service: Service, name: str, sha256: str) -> UploadedFile:
+    path = service.library.audio.whole(sha256)
+    return UploadedFile(path, name, "application/octet-stream", path.stat().st_size, sha256)
+
+
+def offered(service: Service, upload: Upload) -> dict[str, object]:
+    """Return what the columns of a log look like, and a channel map: that of the form, else that of the last log of the
+    axis or robot if the columns are there, else what is recognised, with `""` for what is in `doubt`."""
+    path = upload.file("telemetry").path
+    found = recognise_columns(path)
+    robot = robot_of(service, upload) if given(upload, "robot", "urdf") else None
+    joints = [(joint.name, joint.ratio) for joint in robot.joints] if robot else []
+    before, text = "", upload.text("channels", service.settings.document_bytes).strip()
+    if not text and given(upload, "robot", "axis"):
+        axis = None if robot else axis_of(service, upload).name
+        with service.library.reading() as session:
+            before = map_before(session, axis, robot.name if robot else None)
+    map_ = parse_foreign(text or before)
+    if not text and not _fits(map_, [column["name"] for column in found.columns]):
+        before, told = "", recognise_joint_columns(path, joints, {}) if len(joints) > 1 else found
+        map_ = parse_foreign(BLANK.sub('""', told.map))
+        found = replace(found, open=told.open)
+    doubt = "" if text or before else found.open
+    names = [name for name, _ in joints]
+    return {"columns": found.columns, "map": map_, "doubt": doubt, "before": bool(before), "joints": names}
+
+
+def _fits(map_: Mapping[str, object], names: Sequence[str]) -> bool:
+    """Whether a channel map names columns, and a table has all of them."""
+    tables = [table["column"] for table in map_.values() if isinstance(table, Mapping) and "column" in table]
+    named = [column for each in tables for column in (each if isinstance(each, list) else [each])]
+    return bool(named) and all(one <= len(names) if isinstance(one, int) else one in names for one in named)
 
 
 def _recorded(service: Service, upload: Upload, diagnosis_id: str) -> Measured:

@@ -437,6 +437,14 @@ def comparable(session: Session, row: StoredInvestigation) -> Sequence[StoredInv
     ).all()
 
 
+def map_before(session: Session, axis: str | None, robot: str | None) -> str:
+    """Return the channel map by which the last log of an axis or a robot was read; empty where none was."""
+    channels = StoredInvestigation.inputs["channels"].as_string()
+    same = StoredInvestigation.axis == axis if robot is None else StoredInvestigation.robot == robot
+    asked = select(channels).where(same, channels.is_not(None), StoredInvestigation.error.is_(None))
+    return session.scalar(asked.order_by(StoredInvestigation.id.desc()).limit(1)) or ""
+
+
 def investigations_from(session: Session, diagnosis_id: str) -> Sequence[StoredInvestigation]:
     """Return the investigations that were started from a diagnosis, newest first."""
     started = StoredInvestigation.inputs["diagnosis_id"].as_string() == diagnosis_id

@@ -120,10 +120,13 @@ class Recognition:
         map: lines of a channel map, with `...` where something has to be filled in; empty where the channels have their
             own names.
         open: what has to be filled in, in words; empty where the map reads the table as it is.
+        columns: what each looks like, where that was asked for: `name`, and of one that holds numbers the `first`,
+            `low`, `high`, its course `y` from 0 to 1, and whether it `rises` all the time, as a clock, or `moves`.
     """
 
     map: str
     open: str
+    columns: Sequence[Mapping[str, Any]] = ()
 
 
 def read_telemetry(path: Path, limits: TelemetryLimits = LIMITS, *, channels: str | None = None) -> Telemetry:
@@ -175,14 +178,14 @@ def check_telemetry(path: Path, limits: TelemetryLimits = LIMITS, *, channels: s
 
 @refusals_as(TelemetryError, "reading the table was given up ({})")
 def recognise_columns(path: Path, limits: TelemetryLimits = LIMITS) -> Recognition:
-    """Return what is recognised of a table, without reading its values.
+    """Return what is recognised of a table by the names and units of its columns, and what these look like.
 
     Raises:
         TelemetryError: if it is no table.
         DecoderUnavailableError: if the limited process cannot be started.
     """
     open_plain(path).close()
-    _, found = PAPERS.perform(COLUMNS_TASK, {"path": str(path.absolute())}, asdict(limits), LONGEST_MAP)
+    _, found = PAPERS.perform(COLUMNS_TASK, {"path": str(path.absolute())}, asdict(limits), 8 * LONGEST_MAP)
     return Recognition(**found)
 
 

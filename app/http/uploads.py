@@ -145,9 +145,10 @@ class Upload:
         return found
 
     def filled(self) -> "Upload":
-        """Return it without files of no bytes: a browser sends one for each field that was left alone."""
+        """Return it without what is empty: a browser sends that for each field that was left alone."""
         filled = {name: [file for file in files if file.size] for name, files in self.files.items()}
-        return Upload({name: files for name, files in filled.items() if files}, self.fields)
+        fields = {name: text for name, text in self.fields.items() if text.strip()}
+        return Upload({name: files for name, files in filled.items() if files}, fields)
 
     def only(self, *known: str) -> None:
         """Refuse parts that nobody asked for.

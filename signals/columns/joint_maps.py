@@ -52,26 +52,6 @@ def read_joint_maps(
     return joint_maps(found.map, names), found.map
 
 
-def joint_map_template(joints: int) -> str:
-    """A robot's channel map to fill in: positions, then torques, one column a joint.
-
-    >>> joint_map_template(2).splitlines()[4:]
-    ['[motor_position_rad]', 'column = [2, 3]', 'unit = "rad"', '[motor_torque_nm]', 'column = [4, 5]', 'unit = "N.m"']
-    """
-    position, torque = (", ".join(str(2 + k + first) for k in range(joints)) for first in (0, joints))
-    return f"""schema = "{SCHEMA}"
-[time_s]
-column = 1
-unit = "s"
-[motor_position_rad]
-column = [{position}]
-unit = "rad"
-[motor_torque_nm]
-column = [{torque}]
-unit = "N.m"
-"""
-
-
 def joint_maps(
     text: str, joints: Sequence[str], parse: Callable[[str], Mapping[str, object]] = parse_document
 ) -> tuple[str, ...]:

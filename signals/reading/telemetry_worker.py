@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -36,36 +36,45 @@ MOST_SHOWN = 40
 DAY_S = 86_400.0
 DATED = re.compile("%[dDjxcsFuUwWaA]")
 """Of a format: it has a day, and not only the time of one."""
+DRAWN, MOST_DRAWN = 60, 300
+"""Points of the course of a column, and columns that have one."""
 MOST_LOOKED_AT = 1_000_000
 """Values of which a refusal says from where to where they go."""
 
 
 def read(request: Mapping[str, Any], limits: Mapping[str, float], send: Send) -> Mapping[str, Any]:
     """Task: read and check a table; send times, channels (float64) and where a channel is lost (bool), if asked for."""
-    with _refusals():
+    with refusals():
         map_ = None if request["channels"] is None else channel_map_of(request["channels"])
         return _read(Path(request["path"]), map_, int(limits["cells"]), send if request["send"] else lambda _: None)
 
 
-def columns(request: Mapping[str, Any], _: Mapping[str, float], __: Send) -> Mapping[str, str]:
-    """Task: what is recognised of a table's columns."""
-    with _refusals():
-        table = _opened(Path(request["path"]), None)
-        found = recognise(_names(table), table.units, table.times)
-        return asdict(found if found.open or not _is_own(channel_map_of(found.map)) else replace(found, map=""))
+def columns(request: Mapping[str, Any], limits: Mapping[str, float], _: Send) -> Mapping[str, object]:
+    """Task: what is recognised of a table's columns, and what they look like."""
+    with refusals():
+        table = opened(Path(request["path"]), None)
+        names = names_of(table)
+        found = recognise(names, table.units, table.times)
+        values = _looked_at(table, range(min(len(names), MOST_DRAWN)), int(limits["cells"]))
+        looks = [
+            {"name": name[:LONGEST_NAME], "time": place in table.times, **_look(values.get(place))}
+            for place, name in enumerate(names)
+        ]
+        map_ = found.map if found.open or not _is_own(channel_map_of(found.map)) else ""
+        return {"map": map_, "open": found.open, "columns": looks[:MOST_DRAWN]}
 
 
 def joint_columns(request: Mapping[str, Any], _: Mapping[str, float], __: Send) -> Mapping[str, str]:
     """Task: which columns of a robot's log are which channels of its joints."""
-    with _refusals():
+    with refusals():
         joints, given = [LoggedJoint(name, ratio) for name, ratio in request["joints"]], request["given"]
         layout = layout_of(given)
-        table = _opened(Path(request["path"]), None if layout == Wanted() else layout)
-        return asdict(recognise_joints(_names(table), table.units, table.times, joints, given))
+        table = opened(Path(request["path"]), None if layout == Wanted() else layout)
+        return asdict(recognise_joints(names_of(table), table.units, table.times, joints, given))
 
 
 @contextmanager
-def _refusals() -> Iterator[None]:
+def refusals() -> Iterator[None]:
     try:
         yield
     except TelemetryError as error:
@@ -74,8 +83,8 @@ def _refusals() -> Iterator[None]:
 
 
 def _read(path: Path, map_: ChannelMap | None, cells: int, send: Send) -> Mapping[str, Any]:
-    table = _opened(path, None if map_ is None else map_.layout)
-    names = _names(table)
+    table = opened(path, None if map_ is None else map_.layout)
+    names = names_of(table)
     sources, recognised = _recognised(table, names) if map_ is None else (map_.sources, "")
     known = [name for name in CHANNELS if name in sources]
     places = {name: _place(name, source, names) for name, source in sources.items() if source.column is not None}
@@ -99,7 +108,7 @@ def _read(path: Path, map_: ChannelMap | None, cells: int, send: Send) -> Mappin
     return {"rows": time_s.size, "channels": known, "lost": lost, "ignored": ignored, "recognised": recognised}
 
 
-def _names(table: OpenTable) -> list[str]:
+def names_of(table: OpenTable) -> list[str]:
     if len(table.names) > MOST_COLUMNS:
         raise TelemetryError(
             f"the table has {len(table.names)} columns; at most {MOST_COLUMNS} are read: leave out those that are "
@@ -108,7 +117,7 @@ def _names(table: OpenTable) -> list[str]:
     return [name.strip().lstrip("\ufeff") for name in table.names]
 
 
-def _opened(path: Path, wanted: Wanted | None) -> OpenTable:
+def opened(path: Path, wanted: Wanted | None) -> OpenTable:
     """The table; without a map text of another layout is tried where the plain one has no clock."""
     open_ = _reader(path)
     if wanted is not None:
@@ -158,6 +167,42 @@ def _try(table: OpenTable, map_: str) -> None:
             f"{error}. One row a line is read, with a column for each channel; a stamp of time that is no number has "
             'unit = "format", format = "%d.%m.%Y %H:%M:%S,%f" in a channel map'
         ) from error
+
+
+def _looked_at(table: OpenTable, places: Sequence[int], cells: int) -> dict[int, NDArray[np.float64]]:
+    """Values of those columns that hold numbers or times, of about so many cells from the first row on."""
+    blocks: list[tuple[NDArray[np.float64], ...]] = []
+    try:
+        for block in table.rows(places, dict.fromkeys(table.times.intersection(places), "")):
+            blocks.append(block)
+            cells -= len(places) * block[0].size
+            if cells < 0:
+                break
+    except TelemetryError:  # one of them is text: the others are read without it
+        middle = len(places) // 2
+        halves = (places[:middle], places[middle:]) if middle else ()
+        return {place: values for half in halves for place, values in _looked_at(table, half, cells).items()}
+    return {place: np.concatenate(each) for place, each in zip(places, zip(*blocks, strict=True), strict=False)}
+
+
+def _look(values: NDArray[np.float64] | None) -> dict[str, object]:
+    """What a column looks like; nothing of one without values."""
+    values = np.empty(0) if values is None else values[np.isfinite(values)]
+    if not values.size:
+        return {}
+    starts = np.arange(0, values.size, -(-values.size // DRAWN))
+    ends = np.stack([np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)], axis=1).ravel()
+    low, high = float(ends.min()), float(ends.max())
+    steps, spread = np.diff(values), float(values.std())
+    smooth = steps.size > 0 and float(np.sqrt(np.mean(steps**2))) < 0.5 * spread  # of white noise 1.4 times
+    return {
+        "first": values[:3].tolist(),
+        "low": low,
+        "high": high,
+        "y": np.nan_to_num((ends - low) / ((high - low) or 1.0)).round(3).tolist(),
+        "rises": bool(steps.size and (steps > 0.0).all()),
+        "moves": bool(smooth and spread > 0.01 * np.abs(ends).max()),
+    }
 
 
 def _is_own(map_: ChannelMap) -> bool:

@@ -159,7 +159,7 @@ def test_sound_is_asked_to_be_held_against_sound_as_new(opened: Opened, site: Si
     new = [{"name": f"{month}.wav", "mimeType": "audio/wav", "buffer": sound(seed)}
            for seed, month in enumerate(("may", "june"), start=1)]  # fmt: skip
     with opened("operator", "/investigations/new") as page:
-        page.get_by_label("Stored axis").select_option("bench")
+        page.get_by_label("Axis or robot").select_option("axis/bench")
         page.get_by_label("Sound", exact=True).set_input_files(site.recording)
         page.get_by_label("Sound as new").set_input_files(new)  # type: ignore[arg-type]
         page.get_by_role("button", name="Investigate").click()
@@ -176,7 +176,7 @@ def test_sound_is_asked_to_be_held_against_sound_as_new(opened: Opened, site: Si
 def test_an_investigation_is_started_from_a_diagnosis_and_leads_back(opened: Opened, site: Site) -> None:
     with opened("operator", f"/diagnoses/{site.diagnosis}") as page:
         page.get_by_role("link", name="Investigate", exact=True).click()
-        expect(page.get_by_label("Stored axis")).to_have_value("bench")
+        expect(page.get_by_label("Axis or robot")).to_have_value("axis/bench")
         page.get_by_role("button", name="Investigate").click()
         page.wait_for_url("**/jobs/*")
         identity = page.url.rsplit("/", 1)[1]
@@ -184,27 +184,6 @@ def test_an_investigation_is_started_from_a_diagnosis_and_leads_back(opened: Ope
         page.locator(".crumbs a").last.click()
         page.wait_for_url(DIAGNOSIS)
         expect(page.locator(f'a[href$="/investigations/{identity}"]')).to_be_visible()
-    with site.server.client() as client:
-        client.delete(f"/api/v1/jobs/{identity}").raise_for_status()
-
-
-def test_a_log_of_other_columns_fills_its_map_in(opened: Opened, site: Site) -> None:
-    """The columns are told as soon as the file is chosen; what is asked for is filled in, and the log is taken."""
-    rows = "".join(f"{k},{k % 7},{k % 5}\n" for k in range(20_000))
-    with opened("operator", "/investigations/new") as page:
-        page.get_by_label("Stored axis").select_option("bench")
-        log = {"name": "log.csv", "mimeType": "text/csv", "buffer": f"Time [ms],i_q,Motor Angle (deg)\n{rows}".encode()}
-        page.get_by_label("Telemetry").set_input_files(log)  # type: ignore[arg-type]
-        asked = "To be filled in where ... stands, or chosen: motor_torque_nm is a current"
-        expect(page.get_by_text(asked)).to_be_visible()
-        map_ = page.get_by_label("Channel map")
-        expect(map_).to_have_value(re.compile(r'motor_position_rad = {column = "Motor Angle \(deg\)", unit = "deg"}'))
-        map_.fill(map_.input_value().replace("factor = ...", "factor = 0.05"))
-        page.get_by_role("button", name="Investigate").click()
-        page.wait_for_url("**/jobs/*")
-        identity = page.url.rsplit("/", 1)[1]
-    with site.library().reading() as session:
-        assert "factor = 0.05" in str(get_investigation(session, identity).inputs["channels"])
     with site.server.client() as client:
         client.delete(f"/api/v1/jobs/{identity}").raise_for_status()
 
@@ -233,8 +212,8 @@ def test_sound_and_log_lie_over_each_other_before_anything_is_asked(opened: Open
     rows = "".join(f"{t:.2f},{np.cos(t):.6f},{5 * np.sin(t):.6f}\n" for t in np.arange(2000) / 100)
     log = {"name": "log.csv", "mimeType": "text/csv", "buffer": f"t [s],Torque [Nm],Angle [rad]\n{rows}".encode()}
     with opened("operator", "/investigations/new") as page:
-        page.get_by_label("Stored axis").select_option("bench")
-        page.get_by_label("Telemetry").set_input_files(log)  # type: ignore[arg-type]
+        page.get_by_label("Axis or robot").select_option("axis/bench")
+        page.get_by_label("Log of the drive").set_input_files(log)  # type: ignore[arg-type]
         preview = page.get_by_role("region", name="Preview")
         expect(preview.get_by_text("2000 rows, 19.99 s")).to_be_visible(timeout=60_000)
         expect(preview.get_by_text("motor speed, at most 5 rad/s")).to_be_visible()

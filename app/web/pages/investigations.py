@@ -1,7 +1,6 @@
 """Model versus measurement: ask, follow, read the story, accept a better model."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Annotated, Any
 from urllib.parse import quote
 
@@ -14,8 +13,8 @@ from app.api.recordings import UNCHANGING
 from app.http.errors import NotFound, Unprocessable
 from app.http.headers import self_contained
 from app.http.security import Principal, check_csrf
-from app.http.uploads import TheUpload, Upload
-from app.investigation_request import asked_of, axis_of
+from app.http.uploads import TheUpload
+from app.investigation_request import asked_of, axis_of, completed, given, offered
 from app.investigations import (
     PARTS,
     accept,
@@ -37,9 +36,9 @@ from casebase.diagnoses import get_diagnosis
 from casebase.store import revisions
 from casebase.store.models import AxisRevision, RobotRevision, StoredInvestigation
 from casebase.store.pagination import page
-from signals.columns.joint_maps import joint_map_template
+from signals.columns.channel_map import units_of
 from signals.columns.table_kinds import TEXT, binary_endings, table_kinds
-from signals.telemetry import recognise_columns
+from signals.telemetry import CHANNELS, TIME
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.errors import AxisError
@@ -67,19 +66,23 @@ def ask_page(
     session: Reading,
     principal: PageOperator,
     diagnosis: Annotated[str, Query(max_length=32)] = "",
+    again: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
-    """The form; started from a diagnosis its recording is the sound, and its axis is chosen."""
-    recording = get_diagnosis(session, diagnosis).recording if diagnosis else None
+    """The form; started from a diagnosis its recording is the sound, and its axis is chosen; or filled with what was
+    asked before, to be changed."""
+    before = get_investigation(session, again) if again else None
+    diagnosis = diagnosis or (before.diagnosis_id if before else None) or ""
     context = {
         "diagnosis": diagnosis,
-        "recording": recording,
+        "recording": get_diagnosis(session, diagnosis).recording if diagnosis else None,
+        "before": before,
+        "files": [name for part in PARTS if before for name in names_of(before, part)],
         "axes": [row.name for row in list_axes(session)],
         "robots": [row.name for row in revisions.current(session, RobotRevision)],
         "base_url": str(request.base_url).rstrip("/"),
-        "robot_map": joint_map_template(6),
+        "units": {name: units_of(name) for name in (TIME, *CHANNELS)},
         "table_kinds": table_kinds(),
         "table_endings": ",".join((*TEXT, *binary_endings())),
-        "binary_endings": ",".join(binary_endings()),
     }
     return render(request, "investigate.html", context, principal=principal, section=SECTION)
 
@@ -88,13 +91,9 @@ def ask_page(
 def ask(request: Request, principal: PageOperator, upload: TheUpload, service: TheService, jobs: TheJobs) -> Response:
     """Queue an investigation and lead to its job."""
     check_csrf(request, upload.fields.get("csrf", ""))
-    upload = upload.filled()
-    name = upload.fields.get("axis_name", "").strip()
-    robot = upload.fields.pop("robot_name", "").strip()
-    if not {"axis", "robot", "urdf"} & {*upload.files}:
-        if not name and not robot and not upload.fields.get("diagnosis"):
-            raise Unprocessable("Choose a stored axis or robot, or send its axis.toml or robot.toml.")
-        upload.fields.update({"axis": name} if name else {"robot": robot} if robot else {})
+    upload = completed(service, upload)
+    if not given(upload, "axis", "robot", "urdf", "diagnosis"):
+        raise Unprocessable("Choose an axis or a robot, or send its axis.toml or robot.toml.")
     _, take = asked_of(service, upload)
     question = take()
     with service.library.transaction(principal.actor) as session:
@@ -103,30 +102,22 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
 
 
 @router.post("/columns")
-def columns(request: Request, _: PageOperator, upload: TheUpload) -> Response:
-    """What the columns of a table tell: a channel map, and what has to be filled in there."""
+def columns(request: Request, _: PageOperator, upload: TheUpload, service: TheService) -> Response:
+    """What each column of a log looks like, and which channel it is by the map that is offered for it."""
     check_csrf(request, upload.fields.get("csrf", ""))
-    return JSONResponse(asdict(recognise_columns(upload.file("telemetry").path)))
+    return JSONResponse(offered(service, completed(service, upload)))
 
 
 @router.post("/preview")
 def preview(request: Request, _: PageOperator, upload: TheUpload, service: TheService) -> Response:
     """Courses of a log, or of a sound, to be laid over each other; and what such a log can show."""
     check_csrf(request, upload.fields.get("csrf", ""))
-    if "sound" in upload.files:
+    upload = completed(service, upload)
+    if "telemetry" not in upload.files:
         return JSONResponse(sound_preview(upload.file("sound").path))
-    axis = axis_of(service, upload) if _has_axis(upload) else None
+    axis = axis_of(service, upload) if given(upload, "axis") else None
     channels = upload.text("channels", service.settings.document_bytes).strip()
     return JSONResponse(log_preview(upload.file("telemetry").path, channels or None, axis))
-
-
-def _has_axis(upload: Upload) -> bool:
-    """Whether the form has an axis; that of a stored one stands where its description would."""
-    if "axis" in upload.files and upload.file("axis").size:
-        return True
-    upload.files.pop("axis", None)
-    upload.fields["axis"] = upload.fields.get("axis_name", "").strip()
-    return bool(upload.fields["axis"])
 
 
 @router.get("/{investigation_id}")

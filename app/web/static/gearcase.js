@@ -1,8 +1,9 @@
 // What a page gains with JavaScript. Everything here has a way without it: forms post, links lead, charts are drawn.
 "use strict";
 import { all, dropped, importer, one } from "./import.js";
+import { investigation } from "./investigate.js";
 import { recorder } from "./record.js";
-import { drawAnew, playhead, start, style } from "./plots.js";
+import { playhead, start, style } from "./plots.js";
 
 /* theme */
 function drawnBesides() {
@@ -105,7 +106,8 @@ async function several(found) {
   await many(await found);
 }
 
-/* drop a recording anywhere */
+/* drop a recording anywhere, or what is to be investigated */
+const investigate = one("[data-investigate]") && investigation(one("[data-investigate]"));
 const upload = one("form[data-upload]");
 const opener = one("[data-diagnose-link]");
 if (upload || opener) {
@@ -125,6 +127,7 @@ if (upload || opener) {
     depth = 0;
     document.body.classList.remove("dragging");
     const form = one("main form[data-upload]") ?? upload;
+    if (investigate) return investigate([...event.dataTransfer.files]);
     const found = dropped(event.dataTransfer);
     if (found) return several(found);
     if (!form || !event.dataTransfer.files.length) return;
@@ -188,106 +191,6 @@ for (const form of all("form[data-upload]")) {
     send(form);
   });
 }
-
-/* what the columns of a table tell, from its beginning; what is no text has its names anywhere */
-async function beginning(file, binary) {
-  if (binary.some((end) => file.name.toLowerCase().endsWith(end)) || file.size <= 65536) return file;
-  const start = new Uint8Array(await file.slice(0, 65536).arrayBuffer());
-  return new File([start.slice(0, start.lastIndexOf(10) + 1)], file.name);
-}
-async function post(path, form, parts) {
-  const body = new FormData();
-  for (const [name, value] of Object.entries({ csrf: form.elements.csrf.value, ...parts })) body.append(name, value);
-  const answer = await fetch(path, { method: "POST", body, headers: { Accept: "application/json" } });
-  return [answer.ok, await answer.json()];
-}
-async function columns(input) {
-  const [map, said] = [one("#channels"), one("[data-columns-said]")];
-  if (!input.files.length) return true;
-  const telemetry = await beginning(input.files[0], input.dataset.binary.split(","));
-  const [ok, found] = await post(input.dataset.columns, input.form, { telemetry });
-  map.value = found.map ?? "";
-  if (!ok) said.textContent = found.detail;
-  else if (found.open) said.textContent = `To be filled in where ... stands, or chosen: ${found.open}.`;
-  else said.textContent = found.map ? "Every column was recognised by its name and unit, and is read as shown above." : "The columns have the names of the channels: no map is needed.";
-  return ok && !found.open; // whether it can be read as it is
-}
-
-/* log and sound laid over each other before anything is asked; the sound is moved by its offset */
-function preview(section) {
-  const form = section.closest("form");
-  const field = (name) => form.elements[name];
-  const said = one("[data-preview-said]", section);
-  let [log, sound, asked] = [null, null, 0];
-
-  async function ask(parts) {
-    const [ok, found] = await post(section.dataset.preview, form, parts);
-    if (!ok) throw new Error(found.detail);
-    return found;
-  }
-  // the sound's level at a time of the log, none where it has not begun or has ended
-  function heard(seconds) {
-    const at = (seconds - (Number(field("sound_offset_s").value) || 0)) / sound.step_s;
-    const low = Math.floor(at);
-    if (low < 0 || low + 1 >= sound.y.length) return null;
-    return sound.y[low] + (at - low) * (sound.y[low + 1] - sound.y[low]);
-  }
-  function show() {
-    section.hidden = !log && !sound;
-    if (!log) return;
-    const series = log.series.map(({ name, unit, largest, y }, k) => ({ name: `${name}, at most ${+largest.toPrecision(3)} ${unit}`, y, style: k + 1 }));
-    if (sound) series.push({ name: "level of the sound", y: log.x.map(heard), style: 3 });
-    one(".legend", section).replaceChildren(
-      ...series.map(({ name, style: number }) => {
-        const line = document.createElement("li");
-        line.className = "line";
-        line.innerHTML = `<svg viewBox="0 0 24 8" class="chart" aria-hidden="true"><path class="series s${number}" d="M0 4H24"/></svg>`;
-        line.append(name);
-        return line;
-      }),
-    );
-    drawAnew(one(".plot", section), { x: log.x, series, x_label: "time [s]", y_label: "share of the largest" });
-  }
-  async function showing(work, about) {
-    section.hidden = false;
-    said.textContent = `Reading ${about}`;
-    const number = ++asked;
-    try {
-      await work();
-      if (number === asked) said.textContent = log ? `${log.rows} rows, ${+log.seconds.toPrecision(4)} s` : "";
-    } catch (error) {
-      if (number === asked) said.textContent = error.message;
-    }
-    show();
-  }
-  async function readLog() {
-    const [file] = field("telemetry").files;
-    log = null;
-    one("[data-preview-remarks]", section).replaceChildren();
-    if (!file) return show();
-    const axis = field("axis").files[0];
-    const parts = { telemetry: file, channels: field("channels").value, axis_name: field("axis_name").value, ...(axis ? { axis } : {}) };
-    return showing(async () => {
-      log = await ask(parts);
-      one("[data-preview-remarks]", section).replaceChildren(
-        ...log.remarks.map((remark) => Object.assign(document.createElement("li"), { textContent: remark })),
-      );
-    }, file.name);
-  }
-  async function readSound() {
-    const [file] = field("sound").files;
-    sound = null;
-    if (!file) return show();
-    return showing(async () => (sound = await ask({ sound: file })), file.name);
-  }
-  field("telemetry").addEventListener("change", async () => {
-    if (await columns(field("telemetry"))) await readLog();
-  });
-  for (const name of ["channels", "axis", "axis_name"]) field(name).addEventListener("change", readLog);
-  field("sound")?.addEventListener("change", readSound); // of a diagnosis it is there already
-  field("sound_offset_s").addEventListener("input", show);
-}
-one("[data-preview]") && preview(one("[data-preview]"));
 
 /* copy a command */
 all("[data-copy]").forEach((button) =>

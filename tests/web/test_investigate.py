@@ -1,0 +1,116 @@
+"""Logs on the page that starts an investigation: columns become channels, and what is wrong stands at its column."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import BrowserContext, Page, expect
+
+from app.investigations import get_investigation
+from benchmarks.harness.site import Site
+from casebase.store.models import StoredJob
+from tests.web.conftest import Opened
+from tests.web.test_import import drop
+from tests.web.test_pages import AXE, NARROW, OPTIONS, SERIOUS, SIDEWAYS
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture
+def unnamed(tmp_path: Path) -> Path:
+    """A log of 31 columns without names: the clock, an angle, others at rest, and the current of the angle's motor."""
+    columns = np.random.default_rng(7).normal(0.0, 1e-4, (31, 700))
+    columns[0] = 1297.499 + np.arange(700) / 100
+    columns[1], columns[13] = 2.0 * np.sin(columns[0]), 5.0 * np.cos(columns[0])
+    np.savetxt(tmp_path / "joint1.csv", columns.T, "%.4f", ",")
+    return tmp_path / "joint1.csv"
+
+
+def choose(page: Page, column: int, channel: str, unit: str) -> None:
+    """As by keyboard: a list is focused, and what it is typed."""
+    page.get_by_label(f"channel of column {column}", exact=True).select_option(channel)
+    page.get_by_label(f"unit of column {column}", exact=True).select_option(unit)
+
+
+def started(page: Page) -> str:
+    page.get_by_role("button", name="Investigate").press("Enter")
+    page.wait_for_url("**/jobs/*")
+    return page.url.rsplit("/", 1)[1]
+
+
+def asked(site: Site, identity: str) -> tuple[object, str]:
+    """Axis and channel map of an investigation."""
+    with site.library().reading() as session:
+        row = get_investigation(session, identity)
+        return row.axis, str(row.inputs["channels"])
+
+
+def test_an_unnamed_log_is_investigated_and_its_map_is_kept(opened: Opened, site: Site, unnamed: Path) -> None:
+    with opened("operator", "/investigations/new") as page:
+        drop(page, unnamed)
+        rows = page.locator("[data-columns] tbody tr")
+        expect(rows).to_have_count(31)
+        expect(rows.filter(has_text="this one moves")).to_have_count(2)
+        expect(rows.nth(0)).to_contain_text("always rises")
+        page.get_by_label("Axis or robot").select_option("axis/bench")
+        choose(page, 1, "time_s", "s")
+        choose(page, 2, "motor_position_rad", "rad")
+        choose(page, 14, "motor_torque_nm", "A")
+        page.get_by_role("button", name="Investigate").click()
+        expect(rows.nth(13)).to_contain_text("N m per A")
+        page.get_by_label("constant of column 14", exact=True).fill("8.5")
+        first = started(page)
+        axis, text = asked(site, first)
+        assert axis == "bench"
+        assert json.loads(text)["motor_torque_nm"] == {"column": 14, "unit": "A", "factor": 8.5}
+        page.goto(site.url + "/investigations/new")
+        page.get_by_label("Axis or robot").select_option("axis/bench")
+        drop(page, unnamed)
+        expect(page.get_by_label("constant of column 14", exact=True)).to_have_value("8.5")
+        assert asked(site, started(page)) == (axis, text)
+
+
+def test_what_is_wrong_with_a_log_stands_at_its_column(
+    contexts: dict[str | None, BrowserContext], site: Site, unnamed: Path
+) -> None:
+    """The filled table is accessible, and fits a telephone."""
+    with contexts["operator"].new_page() as page:
+        page.goto(site.url + "/investigations/new")
+        page.get_by_label("Log of the drive").set_input_files(unnamed)
+        choose(page, 2, "time_s", "s")
+        choose(page, 14, "motor_torque_nm", "N.m")
+        rows = page.locator("[data-columns] tbody tr")
+        expect(rows.nth(1)).to_contain_text("does not run forwards")
+        choose(page, 15, "motor_torque_nm", "N.m")
+        expect(rows.nth(14)).to_contain_text("is this already")
+        page.evaluate(AXE.read_text())
+        assert page.evaluate(SERIOUS, OPTIONS) == []
+        page.emulate_media(color_scheme="dark")
+        page.set_viewport_size({"width": 360, "height": 700})
+        assert page.evaluate(SERIOUS, {**OPTIONS, "runOnly": NARROW}) == []
+        assert page.evaluate("() => document.documentElement.scrollWidth") <= 360
+        assert page.evaluate(SIDEWAYS) == []
+
+
+def test_a_job_that_failed_is_changed_and_tried_again(opened: Opened, site: Site, unnamed: Path) -> None:
+    with site.server.client() as client:
+        map_ = '{"time_s": {"column": 1}, "motor_position_rad": {"column": 2}, "motor_torque_nm": {"column": 3}}'
+        parts = {"axis": (None, "bench"), "channels": (None, map_), "telemetry": ("joint1.csv", unnamed.read_bytes())}
+        identity = client.post("/api/v1/investigations", files=parts).raise_for_status().json()["id"]
+    library = site.library()
+    with library.transaction("test") as session:
+        job, row = session.get(StoredJob, identity), get_investigation(session, identity)
+        assert job is not None
+        job.state = row.state = "failed"
+        job.error = row.error = "the torque is noise"
+    library.close()
+    with opened("operator", f"/jobs/{identity}") as page:
+        page.get_by_role("link", name="Change it and try again").click()
+        expect(page.get_by_text("the torque is noise")).to_be_visible()
+        expect(page.get_by_label("channel of column 3", exact=True)).to_have_value("motor_torque_nm")
+        page.get_by_label("channel of column 3", exact=True).select_option("")
+        choose(page, 14, "motor_torque_nm", "N.m")
+        axis, text = asked(site, started(page))
+    assert axis == "bench"
+    assert json.loads(text)["motor_torque_nm"]["column"] == 14
