@@ -36,8 +36,8 @@ MOST_SHOWN = 40
 DAY_S = 86_400.0
 DATED = re.compile("%[dDjxcsFuUwWaA]")
 """Of a format: it has a day, and not only the time of one."""
-DRAWN, MOST_DRAWN = 60, 300
-"""Points of the course of a column, and columns that have one."""
+DRAWN = 100
+"""Intervals of the course of a column; twice as many columns have one."""
 MOST_LOOKED_AT = 1_000_000
 """Values of which a refusal says from where to where they go."""
 
@@ -55,13 +55,13 @@ def columns(request: Mapping[str, Any], limits: Mapping[str, float], _: Send) ->
         table = opened(Path(request["path"]), None)
         names = names_of(table)
         found = recognise(names, table.units, table.times)
-        values = _looked_at(table, range(min(len(names), MOST_DRAWN)), int(limits["cells"]))
+        values = _looked_at(table, range(len(names))[: 2 * DRAWN], int(limits["cells"]))
         looks = [
-            {"name": name[:LONGEST_NAME], "time": place in table.times, **_look(values.get(place))}
-            for place, name in enumerate(names)
+            {"name": name[:LONGEST_NAME], "time": place in table.times, **_look(values.get(place, np.empty(0)))}
+            for place, name in enumerate(names[: 2 * DRAWN])
         ]
         map_ = found.map if found.open or not _is_own(channel_map_of(found.map)) else ""
-        return {"map": map_, "open": found.open, "columns": looks[:MOST_DRAWN]}
+        return {"map": map_, "open": found.open, "columns": looks}
 
 
 def joint_columns(request: Mapping[str, Any], _: Mapping[str, float], __: Send) -> Mapping[str, str]:
@@ -170,7 +170,7 @@ def _try(table: OpenTable, map_: str) -> None:
 
 
 def _looked_at(table: OpenTable, places: Sequence[int], cells: int) -> dict[int, NDArray[np.float64]]:
-    """Values of those columns that hold numbers or times, of about so many cells from the first row on."""
+    """What is finite in those columns that hold numbers or times, in about so many cells from the first row on."""
     blocks: list[tuple[NDArray[np.float64], ...]] = []
     try:
         for block in table.rows(places, dict.fromkeys(table.times.intersection(places), "")):
@@ -182,26 +182,26 @@ def _looked_at(table: OpenTable, places: Sequence[int], cells: int) -> dict[int,
         middle = len(places) // 2
         halves = (places[:middle], places[middle:]) if middle else ()
         return {place: values for half in halves for place, values in _looked_at(table, half, cells).items()}
-    return {place: np.concatenate(each) for place, each in zip(places, zip(*blocks, strict=True), strict=False)}
+    columns = zip(places, map(np.concatenate, zip(*blocks, strict=True)), strict=False)
+    return {place: values[np.isfinite(values)] for place, values in columns}
 
 
-def _look(values: NDArray[np.float64] | None) -> dict[str, object]:
+def _look(values: NDArray[np.float64]) -> dict[str, object]:
     """What a column looks like; nothing of one without values."""
-    values = np.empty(0) if values is None else values[np.isfinite(values)]
     if not values.size:
         return {}
     starts = np.arange(0, values.size, -(-values.size // DRAWN))
     ends = np.stack([np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)], axis=1).ravel()
     low, high = float(ends.min()), float(ends.max())
     steps, spread = np.diff(values), float(values.std())
-    smooth = steps.size > 0 and float(np.sqrt(np.mean(steps**2))) < 0.5 * spread  # of white noise 1.4 times
     return {
         "first": values[:3].tolist(),
         "low": low,
         "high": high,
         "y": np.nan_to_num((ends - low) / ((high - low) or 1.0)).round(3).tolist(),
         "rises": bool(steps.size and (steps > 0.0).all()),
-        "moves": bool(smooth and spread > 0.01 * np.abs(ends).max()),
+        # white noise has steps of 1.4 times its spread; what an axis at rest shows is small beside the value
+        "moves": bool(2.0 * np.linalg.norm(steps) < spread * values.size**0.5 and spread > 0.01 * np.abs(ends).max()),
     }
 
 
@@ -280,20 +280,11 @@ def _listed(names: Iterable[str]) -> str:
 def _held(table: OpenTable, names: Sequence[str]) -> str:
     """The columns, and from where to where they go: which is a clock, and which axis moves, is seen by that."""
     shown = [place for place in range(min(len(names), MOST_SHOWN)) if place not in table.times]
-    low, high = np.full(len(names), np.inf), np.full(len(names), -np.inf)
-    count = 0
-    try:
-        for rows in table.rows(shown, {}):
-            for place, values in zip(shown, rows, strict=True):
-                low[place] = np.fmin.reduce(values, initial=low[place])
-                high[place] = np.fmax.reduce(values, initial=high[place])
-            count += len(shown) * rows[0].size
-            if count > MOST_LOOKED_AT:
-                break
-    except TelemetryError:  # what is no number has no ends
-        return _listed(names)
+    found = {place: values for place, values in _looked_at(table, shown, MOST_LOOKED_AT).items() if values.size}
     listed = [
-        f"{name[:40] or place + 1} ({low[place]:.4g} to {high[place]:.4g})" if low[place] <= high[place] else name[:40]
+        f"{name[:40] or place + 1} ({found[place].min():.4g} to {found[place].max():.4g})"
+        if place in found
+        else name[:40]
         for place, name in enumerate(names[:MOST_SHOWN])
     ]
     return ", ".join(listed) + (", ..." if len(names) > MOST_SHOWN else "")

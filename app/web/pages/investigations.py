@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from app.api.recordings import UNCHANGING
 from app.http.errors import NotFound, Unprocessable
 from app.http.headers import self_contained
-from app.http.security import Principal, check_csrf
+from app.http.security import check_csrf
 from app.http.uploads import TheUpload
 from app.investigation_request import asked_of, axis_of, completed, given, offered
 from app.investigations import (
@@ -79,7 +79,6 @@ def ask_page(
         "files": [name for part in PARTS if before for name in names_of(before, part)],
         "axes": [row.name for row in list_axes(session)],
         "robots": [row.name for row in revisions.current(session, RobotRevision)],
-        "base_url": str(request.base_url).rstrip("/"),
         "units": {name: units_of(name) for name in (TIME, *CHANNELS)},
         "table_kinds": table_kinds(),
         "table_endings": ",".join((*TEXT, *binary_endings())),
@@ -125,27 +124,38 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
     """What was found, told in order."""
     row = get_investigation(session, investigation_id)
     document: dict[str, Any] = row.document or {}
-    told = document.get("story", {})
-    if row.robot:
-        return _robot_page(request, session, row, document, principal)
-    context = {
+    revision = RobotRevision if row.robot else AxisRevision
+    context: dict[str, Any] = {
         "row": row,
         "document": document,
         "headline": investigation_headline(document) if document else None,
         "box": box_of_row(row),
         "bar": bar_of(document),
         "shows": SHOWS,
+        "overlay": panels_of(document, "overlay"),
+        "others": others_of(session, row),
+        "accepted": session.scalars(select(revision).where(revision.investigation_id == row.id)).first(),
+    }
+    if row.robot:
+        context |= {
+            "unexplained": rests_of_robot(document) if document else "",
+            "finding_words": finding_words,
+            "unexplained_words": lambda found: unexplained_words(unexplained_of(found)),
+            "not_examined": document.get("remarks", ()),
+            "joints": joints_of(document) if document else (),
+            "robot_values": of_robot(document) if document else (),
+        }
+        return render(request, "robot.html", context, principal=principal, section=SECTION)
+    told = document.get("story", {})
+    context |= {
         "likely_words": likely_words,
         "unexplained": unexplained_in_words(document),
-        "overlay": panels_of(document, "overlay"),
         "residual": panels_of(document, "residual"),
         "sound": panels_of(document, "sound"),
         "candidates": told.get("candidates", ()),
         "checked": told.get("checked", ()),
         "not_examined": told.get("not_examined", ()),
         "diagnosed": diagnosis_words(session, row),
-        "others": others_of(session, row),
-        "accepted": session.scalars(select(AxisRevision).where(AxisRevision.investigation_id == row.id)).first(),
     }
     return render(request, "investigation.html", context, principal=principal, section=SECTION)
 
@@ -194,36 +204,6 @@ def described(row: StoredInvestigation) -> Axis | None:
         return read_axis(row.axis_document)
     except AxisError:
         return None
-
-
-def _robot_page(
-    request: Request, session: Session, row: StoredInvestigation, document: Mapping[str, Any], principal: Principal
-) -> Response:
-    accepted = session.scalars(select(RobotRevision).where(RobotRevision.investigation_id == row.id)).first()
-    context: dict[str, Any] = {
-        "row": row,
-        "document": document,
-        "accepted": accepted,
-        "box": box_of_row(row),
-        "bar": bar_of(document),
-        "shows": SHOWS,
-        "unexplained": "",
-        "headline": None,
-        "not_examined": (),
-    }
-    if document:
-        context |= {
-            "unexplained": rests_of_robot(document),
-            "headline": investigation_headline(document),
-            "finding_words": finding_words,
-            "unexplained_words": lambda found: unexplained_words(unexplained_of(found)),
-            "not_examined": document["remarks"],
-            "others": others_of(session, row),
-            "joints": joints_of(document),
-            "robot_values": of_robot(document),
-            "torques": panels_of(document, "overlay"),
-        }
-    return render(request, "robot.html", context, principal=principal, section=SECTION)
 
 
 @router.get("/{investigation_id}/compare")

@@ -8,6 +8,17 @@ const SAME = 1e-4; // distance of a case below which its sound is the same
 const random = () => [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 const link = (href, textContent) => Object.assign(document.createElement("a"), { href, textContent });
 
+/* the service's answer, asked again while it is busy; what it refuses is thrown in its words */
+export async function answered(path, csrf, { headers, ...options }) {
+  for (const since = Date.now(); ; ) {
+    const answer = await fetch(path, { ...options, headers: { Accept: "application/json", "X-CSRF-Token": csrf, ...headers } }).catch(() => null);
+    if (!answer) throw new Error("The service did not answer. Check that it runs, then send again.");
+    if (answer.ok) return answer;
+    if (![429, 503].includes(answer.status) || Date.now() - since > LONGEST_WAIT_MS) throw new Error((await answer.json()).detail);
+    await new Promise((done) => setTimeout(done, 1000 * (Number(answer.headers.get("Retry-After")) || 1)));
+  }
+}
+
 /* paths and files of what was dropped, folders with all that is in them; null where it is one file */
 async function within(entry) {
   if (entry.isFile) return new Promise((done, fail) => entry.file((file) => done([[entry.fullPath.slice(1), file]]), fail));
@@ -69,18 +80,9 @@ export function importer(root) {
   const show = (row, kind, ...content) => one(`[data-${kind}]`, row.element).replaceChildren(...content);
   root.hidden = false;
 
-  async function ask(path, method, body, more) {
-    const headers = { Accept: "application/json", "X-CSRF-Token": csrf, ...more };
-    for (const since = Date.now(); ; ) {
-      const answer = await fetch(api + path, { method, body, headers }).catch(() => null);
-      if (!answer) throw new Error("The service did not answer. Check that it runs, then send again.");
-      if (![429, 503].includes(answer.status) || Date.now() - since > LONGEST_WAIT_MS) {
-        const found = await answer.json();
-        if (answer.ok) return { ...found, isNew: answer.status === 201 };
-        throw new Error(found.detail);
-      }
-      await new Promise((done) => setTimeout(done, 1000 * (Number(answer.headers.get("Retry-After")) || 1)));
-    }
+  async function ask(path, method, body, headers) {
+    const answer = await answered(api + path, csrf, { method, body, headers });
+    return { ...(await answer.json()), isNew: answer.status === 201 };
   }
   function upload(row, path, name, document, headers) {
     const parts = new FormData();

@@ -1,15 +1,16 @@
 // What is to be investigated: each column of a log becomes a channel, and what is wrong or missing stands at its column.
 "use strict";
-import { all, one } from "./import.js";
+import { all, answered, one } from "./import.js";
 import { drawAnew } from "./plots.js";
 
 const TIME = "time_s";
-const CONSTANTS = { A: ["factor", "N m per A"], "%": ["factor", "N m per %"], count: ["counts_per_rev", "counts per turn"], format: ["format", "%d.%m.%Y %H:%M:%S,%f"] };
 const FACTOR = ["factor", "times 1"];
+const CONSTANTS = { A: ["factor", "N m per A"], "%": ["factor", "N m per %"], count: ["counts_per_rev", "counts per turn"], format: ["format", "%d.%m.%Y %H:%M:%S,%f"] };
 const SETTLED_MS = 400; // after the last change
 const SOUNDS = /\.(wav|flac|caf|amr|mka|ogg|opus|mp3|m4a|aac|webm)$/i;
+const MOVING = "joint:is([type=revolute], [type=continuous], [type=prismatic]):not(:has(mimic))";
 const rounded = (value) => +value.toPrecision(6);
-const entry = (value, joint) => (Array.isArray(value) ? value[joint] : value);
+const without = (name, names) => names.filter((each) => each !== name);
 
 export function investigation(form) {
   const { root, investigate } = form.dataset;
@@ -23,24 +24,20 @@ export function investigation(form) {
   const joint = (row) => Number(part(row, "joint").value);
   const constant = (row) => CONSTANTS[part(row, "unit").value] ?? FACTOR;
   const taken = (name) => rows.filter((row) => channel(row) === name).sort((a, b) => joint(a) - joint(b));
+  const ofJoints = (name) => joints.length > 1 && name && name !== TIME;
   const words = (text) => Object.keys(units).reduce((said, name) => said.replaceAll(name, one(`option[value=${name}]`, template).textContent), text);
-
-  async function post(place, ...without) {
+  function post(path, left = []) {
     const sent = new FormData(form);
-    without.forEach((name) => sent.delete(name));
-    const headers = { Accept: "application/json", "X-CSRF-Token": field("csrf").value };
-    const answer = await fetch(root + place, { method: "POST", body: sent, headers }).catch(() => null);
-    if (!answer) throw new Error("The service did not answer. Check that it runs, then try again.");
-    if (!answer.ok) throw new Error((await answer.json()).detail);
-    return answer;
+    left.forEach((name) => sent.delete(name));
+    return answered(root + path, field("csrf").value, { method: "POST", body: sent });
   }
 
   /* the table: what a log has, and what each column is taken for */
   function added(column, place, columns) {
     body.append(template.cloneNode(true));
-    const alone = columns.filter(({ name }) => name === column.name).length === 1 && /\D/.test(column.name);
-    const row = { place, key: alone ? column.name : place + 1, element: body.lastElementChild, given: {} };
-    row.called = /\D/.test(column.name) ? column.name : `column ${place + 1}`;
+    const isNamed = /\D/.test(column.name);
+    const row = { place, called: isNamed ? column.name : `column ${place + 1}`, element: body.lastElementChild, given: {} };
+    row.key = isNamed && columns.filter(({ name }) => name === column.name).length === 1 ? column.name : place + 1;
     part(row, "name").textContent = row.called;
     part(row, "does").textContent = column.rises ? "always rises" : column.moves ? "this one moves" : "";
     for (const name of ["channel", "joint", "unit", "constant"]) part(row, name).setAttribute("aria-label", `${name} of ${row.called}`);
@@ -49,28 +46,26 @@ export function investigation(form) {
     chart.setAttribute("aria-label", `${row.called} over time`);
     chart.hidden = !column.y;
     if (!column.y) return row;
-    const points = column.y.map((y, k) => `${((125 * k) / column.y.length).toFixed(1)} ${30 - 30 * y}`);
-    one("path", chart).setAttribute("d", `M${points.join("L")}`);
+    one("path", chart).setAttribute("d", `M${column.y.map((y, k) => `${rounded((125 * k) / column.y.length)} ${rounded(30 - 30 * y)}`).join("L")}`);
     part(row, "first").textContent = column.first.map((value) => (column.time ? new Date(1000 * value).toISOString() : rounded(value))).join(", ");
     part(row, "range").textContent = column.time ? "" : `${rounded(column.low)} to ${rounded(column.high)}`;
     return row;
   }
   function choose(row, name, unit, which = 0, given = {}) {
-    const known = (units[name] ?? []).filter((each) => each !== "sample");
+    const known = without("sample", units[name] ?? []);
     row.given = given;
     part(row, "channel").value = name;
     part(row, "joint").value = which;
-    part(row, "joint").hidden = joints.length < 2 || !name || name === TIME;
+    part(row, "joint").hidden = !ofJoints(name);
     part(row, "unit").hidden = !name;
     part(row, "unit").replaceChildren(new Option("unit …", ""), ...known.map((each) => new Option(each)));
     measure(row, known.length === 1 ? known[0] : known.includes(unit) ? unit : "");
   }
   function measure(row, unit) {
     part(row, "unit").value = unit;
-    const [input, [key, hint]] = [part(row, "constant"), constant(row)];
-    [input.type, input.step, input.placeholder, input.required] = [key === "format" ? "text" : "number", "any", hint, hint !== FACTOR[1]];
+    const [input, [key, placeholder]] = [part(row, "constant"), constant(row)];
+    Object.assign(input, { type: key === "format" ? "text" : "number", step: "any", placeholder, required: placeholder !== FACTOR[1], value: row.given[key] ?? "" });
     input.hidden = !channel(row) || (channel(row) === TIME && key !== "format");
-    input.value = row.given[key] ?? "";
   }
   function fill(found) {
     layout = Object.fromEntries(Object.entries(found).filter(([, value]) => typeof value !== "object"));
@@ -80,7 +75,7 @@ export function investigation(form) {
     for (const [name, given] of Object.keys(found).length ? Object.entries(found) : own) {
       [given.column ?? []].flat().forEach((column, which) => {
         const row = rows.find(({ key, place }) => column === key || column === place + 1);
-        const its = Object.fromEntries(Object.entries(given).map(([key, value]) => [key, entry(value, which)]));
+        const its = Object.fromEntries(Object.entries(given).map(([key, value]) => [key, Array.isArray(value) ? value[which] : value]));
         if (row) choose(row, name, its.unit ?? units[name][0], which, its);
       });
     }
@@ -90,51 +85,51 @@ export function investigation(form) {
     for (const name of Object.keys(units)) {
       const tables = taken(name).map((row) => {
         const [[key], { value }] = [constant(row), part(row, "constant")];
-        const given = value && { [key]: key === "format" ? value : Number(value) };
-        return { ...row.given, [key]: undefined, ...given, column: row.key, unit: part(row, "unit").value };
+        return { ...row.given, column: row.key, unit: part(row, "unit").value, [key]: !value ? undefined : key === "format" ? value : Number(value) };
       });
-      const keys = [...new Set(tables.flatMap(Object.keys))].filter((key) => tables.some((each) => each[key] !== undefined));
+      const keys = ["column", "unit", "factor", "counts_per_rev"].filter((key) => tables.some((each) => each[key] !== undefined));
       const lists = Object.fromEntries(keys.map((key) => [key, tables.map((each) => each[key] ?? (key === "factor" ? 1 : null))]));
-      if (tables.length) out[name] = joints.length > 1 && name !== TIME ? lists : tables[0];
+      if (tables.length) out[name] = ofJoints(name) ? lists : tables[0];
     }
     if (Number(rate.value)) out[TIME] = { unit: "sample", rate_hz: Number(rate.value) };
     return JSON.stringify(out, null, 1);
   }
 
-  /* what is missing or wrong: at its column, else below the form; the first of it, null where all is there */
+  /* what is missing or wrong: at its column, else above the button; the first of it, null where all is there */
   function wrong(row, text) {
     part(row, "wrong").textContent = text;
     part(row, "channel").setAttribute("aria-invalid", Boolean(text));
-    return text ? row : null;
+    return text && part(row, "channel");
   }
   function faults(row) {
-    const others = taken(channel(row)).filter((each) => each !== row && (joints.length < 2 || channel(row) === TIME || joint(each) === joint(row)));
+    const others = taken(channel(row)).filter((each) => !ofJoints(channel(row)) || joint(each) === joint(row));
     if (!channel(row)) return "";
-    if (others.some(({ place }) => place < row.place)) return `${others[0].called} is this already: choose one of them.`;
+    if (others[0].place < row.place) return `${others[0].called} is this already: choose one of them.`;
     if (!part(row, "unit").value) return "Choose its unit.";
     if (!part(row, "constant").validity.valid) return `Give the number beside its unit: ${constant(row)[1]}.`;
-    const lacking = joints.length > 1 && channel(row) !== TIME && joints.length - taken(channel(row)).length;
+    const lacking = ofJoints(channel(row)) && joints.length - taken(channel(row)).length;
     return lacking > 0 ? `A column for each joint is needed, ${lacking} are not chosen.` : "";
   }
   function missing() {
     problem.textContent = "";
     const first = rows.map((row) => wrong(row, faults(row))).find(Boolean);
-    if (first || !rows.length) return first ?? null;
-    if (!taken(TIME).length && !Number(rate.value)) return "Choose the column that is the time, or give the rows per second.";
-    return rows.some((row) => channel(row) && channel(row) !== TIME) ? null : "Choose what the other columns are: torque or current, and position or speed.";
+    if (first || !rows.length) return first;
+    if (!taken(TIME).length && !Number(rate.value)) problem.textContent = "Choose the column that is the time, or give the rows per second.";
+    else if (taken("").length + taken(TIME).length === rows.length) problem.textContent = "Choose what the other columns are: torque or current, and position or speed.";
+    return problem.textContent && rate;
   }
   function refused({ message }) {
     const named = message.match(/the column (.+?) holds/)?.[1];
     const fits = rows.filter((row) => channel(row) && (String(row.key) === named || message.includes(channel(row))));
     const row = fits.find((each) => message.includes(`${joints[joint(each)]}: `)) ?? fits[0];
-    if (row) wrong(row, words(message));
-    else problem.textContent = words(message);
-    one("select", (row ?? { element: form }).element).focus();
+    if (row) return wrong(row, words(message));
+    problem.textContent = words(message);
+    return field("subject");
   }
   function changed() {
     if (edited) map.value = written();
     clearTimeout(waiting);
-    if (rows.length && missing() === null && joints.length < 2) waiting = setTimeout(readLog, SETTLED_MS);
+    if (rows.length && !missing() && joints.length < 2) waiting = setTimeout(readLog, SETTLED_MS);
   }
 
   async function columns(text = "") {
@@ -142,35 +137,32 @@ export function investigation(form) {
     table.hidden = !file && !field("again");
     if (table.hidden) return;
     [map.value, status.textContent, table.disabled] = [text, "Reading the columns …", true];
-    try {
-      const found = await (await post("investigations/columns", "sound", "as_new")).json();
-      if (number !== reading) return;
+    const said = await post("investigations/columns", ["sound", "as_new"]).then((answer) => answer.json()).then((found) => {
+      if (number !== reading) return "";
       joints = found.joints;
       body.replaceChildren();
       rows = found.columns.map(added);
       fill(found.map);
       edited = Object.keys(found.map).length > 0;
-      let from = found.doubt && `Their names do not tell enough: ${words(found.doubt)}.`;
-      if (rows.every(({ called, key }) => called !== key)) from = "The columns have no names: see by their courses which is the time, and which is what.";
-      if (found.before) from = "Filled in as in the last investigation of it.";
-      status.textContent = `${from} ${others.length ? `The other logs are read the same way: ${others.map(({ name }) => name).join(", ")}.` : ""}`;
       changed();
-    } catch ({ message }) {
-      if (number === reading) status.textContent = message;
-    }
-    if (number === reading) table.disabled = false;
+      const doubt = rows.every(({ called, key }) => called !== key) ? "The columns have no names: see by their courses which is the time, and which is what." : found.doubt && `Their names do not tell enough: ${words(found.doubt)}.`;
+      return `${found.before ? "Filled in as in the last investigation of it." : doubt} ${others.length ? `The other logs are read the same way: ${others.map(({ name }) => name).join(", ")}.` : ""}`;
+    }, ({ message }) => message);
+    if (number === reading) [status.textContent, table.disabled] = [said, false];
   }
   table.addEventListener("change", ({ target }) => {
     const row = rows.find(({ element }) => element.contains(target));
-    const [name, isOfJoints] = [row && channel(row), joints.length > 1];
+    const name = row && channel(row);
     edited = true;
     if (target.matches("[data-channel]")) {
       const alike = taken(name).filter((each) => each !== row);
-      const below = isOfJoints && name && name !== TIME && !alike.length ? rows.slice(row.place + 1, row.place + joints.length) : [];
-      choose(row, name, alike[0] && part(alike[0], "unit").value, Math.max(0, joints.findIndex((_, k) => !alike.some((each) => joint(each) === k))));
-      if (!below.some(channel)) below.forEach((each, k) => choose(each, name, "", k + 1)); // one for each joint
+      const below = rows.slice(row.place + 1, row.place + joints.length);
+      const leads = ofJoints(name) && (row.leads || (!alike.length && !below.some(channel))); // the next columns are of the other joints
+      rows.forEach((each) => (each.leads = each === row && leads));
+      choose(row, name, alike[0] && part(alike[0], "unit").value, leads ? 0 : Math.max(0, joints.findIndex((_, k) => !alike.some((each) => joint(each) === k))));
+      if (leads) below.forEach((each, k) => choose(each, name, "", k + 1));
     }
-    if (target.matches("[data-unit]")) for (const each of isOfJoints && name !== TIME ? taken(name) : [row]) measure(each, target.value);
+    if (target.matches("[data-unit]")) for (const each of ofJoints(name) ? taken(name) : [row]) measure(each, target.value);
     changed();
   });
   map.addEventListener("change", () => columns(map.value));
@@ -196,54 +188,28 @@ export function investigation(form) {
   for (const name of ["axis", "robot"]) field(name).addEventListener("change", described);
   field("urdf").addEventListener("change", async ({ target }) => {
     const found = new DOMParser().parseFromString(await target.files[0].text(), "text/xml");
-    const moving = all("joint:is([type=revolute], [type=continuous], [type=prismatic]):not(:has(mimic))", found);
-    const joined = ["name = " + JSON.stringify(one("robot", found)?.getAttribute("name")), ...moving.map((each) => `[[joints]]\nname = ${JSON.stringify(each.getAttribute("name"))}`)];
-    if (!field("robot").value.trim()) field("robot").value = joined.join("\n");
+    const name = (element) => `name = ${JSON.stringify(element?.getAttribute("name"))}`;
+    if (!field("robot").value.trim()) field("robot").value = [name(one("robot", found)), ...all(MOVING, found).map((each) => `[[joints]]\n${name(each)}`)].join("\n");
     field("robot").closest("details").open = true;
     if (store) store.hidden = false;
     columns();
   });
-  store?.addEventListener("click", async () => {
-    try {
-      const others = [...new FormData(form)].filter(([name, value]) => !["robot", "urdf", "axis"].includes(name) || !(value.size ?? 1)).map(([name]) => name);
-      await post("api/v1/robots", ...others);
+  store?.addEventListener("click", () => {
+    const others = [...new FormData(form)].filter(([name, { size }]) => !["robot", "urdf", "axis"].includes(name) || size === 0);
+    post("api/v1/robots", others.map(([name]) => name)).then(() => {
       for (const name of ["robot", "urdf", "axis"]) field(name).value = "";
-      await listed();
-    } catch (error) {
-      refused(error);
-    }
+      return listed();
+    }, refused);
   });
 
-  /* files that are dropped, each where it belongs */
-  async function dropped(files) {
-    const kinds = { urdf: [], axis: [], sound: [], telemetry: [] };
-    for (const file of files) {
-      const text = /\.(toml|json)$/i.test(file.name) && (await file.text());
-      if (/^\s*\[\[joints\]\]|"joints"\s*:/m.test(text)) field("robot").value = text;
-      else kinds[/\.(urdf|xml)$/i.test(file.name) ? "urdf" : text ? "axis" : SOUNDS.test(file.name) ? "sound" : "telemetry"].push(file);
-    }
-    const given = Object.entries(kinds).filter(([name, its]) => its.length && field(name)).map(([name, its]) => {
-      const data = new DataTransfer();
-      its.forEach((file) => data.items.add(file));
-      field(name).files = data.files;
-      return name;
-    });
-    for (const name of ["sound", "urdf"].filter((each) => given.includes(each))) field(name).dispatchEvent(new Event("change"));
-    if (!given.includes("urdf")) (given.includes("telemetry") ? columns : described)();
-  }
   form.noValidate = true; // what is missing is said at its place
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
-    const open = missing();
-    if (open) {
-      if (open.element) part(open, "channel").focus();
-      else problem.textContent = open;
-      return;
-    }
     const button = one(".primary", form);
-    button.disabled = true;
-    await post("investigations/new").then(({ url }) => location.assign(url), refused);
+    button.disabled = true; // or a second press would ask for another one
+    const at = missing() || (await post("investigations/new").then(({ url }) => location.assign(url), refused));
     button.disabled = false;
+    at?.focus();
   });
 
   /* log and sound laid over each other before anything is asked; the sound is moved by its offset */
@@ -262,24 +228,20 @@ export function investigation(form) {
     if (!log) return;
     const series = log.series.map(({ name, unit, largest, y }, k) => ({ name: `${name}, at most ${+largest.toPrecision(3)} ${unit}`, y, style: k + 1 }));
     if (sound) series.push({ name: "level of the sound", y: log.x.map(level), style: 3 });
-    const lines = series.map(({ name, style: number }) => {
+    const lines = series.map(({ name, style }) => {
       const line = Object.assign(document.createElement("li"), { className: "line" });
-      line.innerHTML = `<svg viewBox="0 0 24 8" class="chart" aria-hidden="true"><path class="series s${number}" d="M0 4H24"/></svg>`;
+      line.innerHTML = `<svg viewBox="0 0 24 8" class="chart" aria-hidden="true"><path class="series s${style}" d="M0 4H24"/></svg>`;
       line.append(name);
       return line;
     });
     one(".legend", section).replaceChildren(...lines);
     drawAnew(one(".plot", section), { x: log.x, series, x_label: "time [s]", y_label: "share of the largest" });
   }
-  async function looked(without, take, fails) {
+  async function looked(left, take, fails) {
     const number = ++last;
     [section.hidden, said.textContent] = [false, "Reading …"];
-    try {
-      take(await (await post("investigations/preview", ...without)).json());
-      if (number === last) said.textContent = log ? `${log.rows} rows, ${+log.seconds.toPrecision(4)} s` : "";
-    } catch (error) {
-      if (number === last) said.textContent = fails(error) ?? "";
-    }
+    const words = await post("investigations/preview", left).then((answer) => answer.json()).then(take).catch(fails);
+    if (number === last) said.textContent = words ?? (log ? `${log.rows} rows, ${+log.seconds.toPrecision(4)} s` : "");
     show();
   }
   function readLog() {
@@ -289,14 +251,31 @@ export function investigation(form) {
       log = found;
       remarks.replaceChildren(...log.remarks.map((textContent) => Object.assign(document.createElement("li"), { textContent })));
     };
-    looked(["sound", "as_new"], take, refused);
+    looked(["sound", "as_new"], take, (error) => void refused(error));
   }
   field("sound")?.addEventListener("change", () => {
     sound = null;
     if (!field("sound").files.length) return show(); // that of a diagnosis is there already
-    looked(["as_new", "telemetry", "again"], (found) => (sound = found), ({ message }) => message);
+    looked(["as_new", "telemetry", "again"], (found) => void (sound = found), ({ message }) => message);
   });
   field("sound_offset_s").addEventListener("input", show);
   if (field("again")) columns(map.value);
-  return dropped;
+
+  /* files that are dropped, each where it belongs */
+  return async (files) => {
+    const kinds = { urdf: [], axis: [], sound: [], telemetry: [] };
+    for (const file of files) {
+      const text = /\.(toml|json)$/i.test(file.name) && (await file.text());
+      if (/^\s*\[\[joints\]\]|"joints"\s*:/m.test(text)) field("robot").value = text;
+      else kinds[/\.(urdf|xml)$/i.test(file.name) ? "urdf" : text ? "axis" : SOUNDS.test(file.name) ? "sound" : "telemetry"].push(file);
+    }
+    const given = Object.keys(kinds).filter((name) => kinds[name].length && field(name));
+    for (const name of given) {
+      const data = new DataTransfer();
+      kinds[name].forEach((file) => data.items.add(file));
+      field(name).files = data.files;
+    }
+    for (const name of without("axis", without("telemetry", given))) field(name).dispatchEvent(new Event("change"));
+    if (!given.includes("urdf")) (given.includes("telemetry") ? columns : described)();
+  };
 }
