@@ -235,6 +235,16 @@ def test_what_is_read_without_a_map_is_what_the_map_that_it_amounts_to_reads(tmp
     assert by_map.recognised == ""
 
 
+def test_a_column_is_shown_with_its_course_and_whether_it_moves(tmp_path: Path) -> None:
+    noise = np.random.default_rng(3).normal(-1.5, 1e-4, 400)
+    rows = zip(np.arange(400), 3 * np.sin(np.arange(400) / 30), noise, ["on"] * 400, strict=True)
+    (tmp_path / "log.csv").write_text("".join(f"{t};{q:.6f};{other:.4f};{word}\n" for t, q, other, word in rows))
+    clock, moving, resting, text = recognise_columns(tmp_path / "log.csv").columns
+    assert (clock["rises"], moving["moves"], resting["moves"], "y" in text) == (True, True, False, False)
+    assert (moving["low"], moving["high"]) == pytest.approx((-3.0, 3.0), abs=1e-2)
+    assert (min(moving["y"]), max(moving["y"]), clock["first"]) == (0.0, 1.0, [0.0, 1.0, 2.0])
+
+
 @pytest.mark.parametrize(("behind_names", "behind_values"), [(";", ""), ("", ";"), (";", ";")])
 def test_a_delimiter_behind_the_last_column_is_no_column(tmp_path: Path, behind_names: str, behind_values: str) -> None:
     rows = "".join(f"{k};{k / 50}{behind_values}\n".replace(".", ",") for k in range(ROWS))

@@ -15,16 +15,7 @@ from app.http.headers import self_contained
 from app.http.security import check_csrf
 from app.http.uploads import TheUpload
 from app.investigation_request import asked_of, axis_of, completed, given, offered
-from app.investigations import (
-    PARTS,
-    accept,
-    comparable,
-    compared,
-    document_of,
-    get_investigation,
-    names_of,
-    submit,
-)
+from app.investigations import PARTS, accept, comparable, compared, document_of, get_investigation, names_of, submit
 from app.report.formatting import ENVIRONMENT, instant, style_sheet
 from app.report.investigation_report import Part, Shown, box_shown, joints_of, of_robot, panels_of
 from app.report.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of

@@ -5,7 +5,7 @@ import { drawAnew } from "./plots.js";
 
 const TIME = "time_s";
 const FACTOR = ["factor", "times 1"];
-const CONSTANTS = { A: ["factor", "N m per A"], "%": ["factor", "N m per %"], count: ["counts_per_rev", "counts per turn"], format: ["format", "%d.%m.%Y %H:%M:%S,%f"] };
+const CONSTANTS = { A: ["factor", "N m per A, data sheet"], "%": ["factor", "N m per %"], count: ["counts_per_rev", "counts per turn"], format: ["format", "%d.%m.%Y %H:%M:%S,%f"] };
 const SETTLED_MS = 400; // after the last change
 const SOUNDS = /\.(wav|flac|caf|amr|mka|ogg|opus|mp3|m4a|aac|webm)$/i;
 const MOVING = "joint:is([type=revolute], [type=continuous], [type=prismatic]):not(:has(mimic))";
@@ -106,7 +106,8 @@ export function investigation(form) {
     if (!channel(row)) return "";
     if (others[0].place < row.place) return `${others[0].called} is this already: choose one of them.`;
     if (!part(row, "unit").value) return "Choose its unit.";
-    if (!part(row, "constant").validity.valid) return `Give the number beside its unit: ${constant(row)[1]}.`;
+    const { required, value, validity } = part(row, "constant"); // what is disabled while a log is read is valid
+    if (validity.badInput || (required && !value)) return `Give the number beside its unit: ${constant(row)[1]}.`;
     const lacking = ofJoints(channel(row)) && joints.length - taken(channel(row)).length;
     return lacking > 0 ? `A column for each joint is needed, ${lacking} are not chosen.` : "";
   }
@@ -145,7 +146,7 @@ export function investigation(form) {
       fill(found.map);
       edited = Object.keys(found.map).length > 0;
       changed();
-      const doubt = rows.every(({ called, key }) => called !== key) ? "The columns have no names: see by their courses which is the time, and which is what." : found.doubt && `Their names do not tell enough: ${words(found.doubt)}.`;
+      const doubt = rows.every(({ called, key }) => called !== key) ? "The columns have no names: see by their courses which is the time, and which is what." : !found.doubt ? "Recognised by names and units." : `Their names do not tell enough: ${words(found.doubt).replace(/ \(the lines [^)]*\)/, "")}.`;
       return `${found.before ? "Filled in as in the last investigation of it." : doubt} ${others.length ? `The other logs are read the same way: ${others.map(({ name }) => name).join(", ")}.` : ""}`;
     }, ({ message }) => message);
     if (number === reading) [status.textContent, table.disabled] = [said, false];
