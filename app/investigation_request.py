@@ -4,7 +4,6 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 
 from app.http.errors import TooLarge, Unprocessable
@@ -88,12 +87,11 @@ def _put_back(service: Service, upload: Upload, row: StoredInvestigation) -> Non
         parts += ["as_new"] if row.diagnosis_id else ["sound", "as_new"]
     for part in parts:
         if part not in upload.files and (kept := files_of(row.inputs, part)):
-            upload.files[part] = [_stored(service, str(one["name"]), str(one["sha256"])) for one in kept]
-
-
-def _stored(service: Service, name: str, sha256: str) -> UploadedFile:
-    path = service.library.audio.whole(sha256)
-    return UploadedFile(path, name, "application/octet-stream", path.stat().st_size, sha256)
+            paths = [service.library.audio.whole(one["sha256"]) for one in kept]
+            upload.files[part] = [
+                UploadedFile(path, one["name"], "application/octet-stream", path.stat().st_size, one["sha256"])
+                for path, one in zip(paths, kept, strict=True)
+            ]
 
 
 def offered(service: Service, upload: Upload) -> dict[str, object]:
@@ -108,14 +106,12 @@ def offered(service: Service, upload: Upload) -> dict[str, object]:
         axis = None if robot else axis_of(service, upload).name
         with service.library.reading() as session:
             before = map_before(session, axis, robot.name if robot else None)
-    map_ = parse_foreign(text or before)
+    map_, doubt = parse_foreign(text or before), ""
     if not text and not _fits(map_, [column["name"] for column in found.columns]):
-        before, told = "", recognise_joint_columns(path, joints, {}) if len(joints) > 1 else found
-        map_ = parse_foreign(BLANK.sub('""', told.map))
-        found = replace(found, open=told.open)
-    doubt = "" if text or before else found.open
-    names = [name for name, _ in joints]
-    return {"columns": found.columns, "map": map_, "doubt": doubt, "before": bool(before), "joints": names}
+        told = recognise_joint_columns(path, joints, {}) if len(joints) > 1 else found
+        map_, doubt, before = parse_foreign(BLANK.sub('""', told.map)), told.open, ""
+    answer = {"columns": found.columns, "map": map_, "doubt": doubt, "before": bool(before)}
+    return {**answer, "joints": [name for name, _ in joints]}
 
 
 def _fits(map_: Mapping[str, object], names: Sequence[str]) -> bool:

@@ -185,7 +185,8 @@ def recognise_columns(path: Path, limits: TelemetryLimits = LIMITS) -> Recogniti
         DecoderUnavailableError: if the limited process cannot be started.
     """
     open_plain(path).close()
-    _, found = PAPERS.perform(COLUMNS_TASK, {"path": str(path.absolute())}, asdict(limits), 8 * LONGEST_MAP)
+    largest = MOST_COLUMNS * (LONGEST_NAME + 100)
+    _, found = PAPERS.perform(COLUMNS_TASK, {"path": str(path.absolute())}, asdict(limits), largest)
     return Recognition(**found)
 
 

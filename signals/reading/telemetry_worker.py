@@ -55,10 +55,10 @@ def columns(request: Mapping[str, Any], limits: Mapping[str, float], _: Send) ->
         table = opened(Path(request["path"]), None)
         names = names_of(table)
         found = recognise(names, table.units, table.times)
-        values = _looked_at(table, range(len(names))[: 2 * DRAWN], int(limits["cells"]))
+        values = _looked_at(table, range(len(names))[: 2 * DRAWN], int(limits["cells"]) // 8)
         looks = [
             {"name": name[:LONGEST_NAME], "time": place in table.times, **_look(values.get(place, np.empty(0)))}
-            for place, name in enumerate(names[: 2 * DRAWN])
+            for place, name in enumerate(names)
         ]
         map_ = found.map if found.open or not _is_own(channel_map_of(found.map)) else ""
         return {"map": map_, "open": found.open, "columns": looks}

@@ -10,7 +10,7 @@ from benchmarks.harness.live import LiveServer
 from benchmarks.harness.site import Site
 from benchmarks.harness.sounds import sound
 from tests.web.conftest import Opened, Tab
-from tests.web.test_pages import AXE, NARROW, OPTIONS, SERIOUS, SIDEWAYS
+from tests.web.test_pages import check_as_it_is
 
 pytestmark = pytest.mark.browser
 
@@ -135,13 +135,7 @@ def test_names_of_files_and_folders_say_what_a_recording_is(tab: Tab, tmp_path: 
             lists = (page.get_by_label(f"{each} of all/{name}") for each in ("Label", "Gearbox", "Axis"))
             found = tuple(each.input_value() for each in lists)
             assert found == wanted, name
-        page.evaluate(AXE.read_text())
-        assert page.evaluate(SERIOUS, OPTIONS) == []
-        page.emulate_media(color_scheme="dark")
-        page.set_viewport_size({"width": 360, "height": 700})
-        assert page.evaluate(SERIOUS, {**OPTIONS, "runOnly": NARROW}) == []
-        assert page.evaluate("() => document.documentElement.scrollWidth") <= 360
-        assert page.evaluate(SIDEWAYS) == []
+        check_as_it_is(page)
 
 
 def test_several_dropped_recordings_of_an_operator_are_diagnosed(opened: Opened, folder: Path) -> None:

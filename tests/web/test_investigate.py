@@ -12,7 +12,7 @@ from benchmarks.harness.site import Site
 from casebase.store.models import StoredJob
 from tests.web.conftest import Opened
 from tests.web.test_import import drop
-from tests.web.test_pages import AXE, NARROW, OPTIONS, SERIOUS, SIDEWAYS
+from tests.web.test_pages import check_as_it_is
 
 pytestmark = pytest.mark.browser
 
@@ -78,7 +78,6 @@ def test_what_is_wrong_with_a_log_stands_at_its_column(
 ) -> None:
     """The filled table is accessible, and fits a telephone."""
     with contexts["operator"].new_page() as page:
-        page.emulate_media(reduced_motion="reduce")
         page.goto(site.url + "/investigations/new")
         page.get_by_label("Log of the drive").set_input_files(unnamed)
         choose(page, 2, "time", "s")
@@ -87,13 +86,7 @@ def test_what_is_wrong_with_a_log_stands_at_its_column(
         expect(rows.nth(1)).to_contain_text("does not run forwards")
         choose(page, 15, "motor torque", "N.m")
         expect(rows.nth(14)).to_contain_text("is this already")
-        page.evaluate(AXE.read_text())
-        assert page.evaluate(SERIOUS, OPTIONS) == []
-        page.emulate_media(color_scheme="dark")
-        page.set_viewport_size({"width": 360, "height": 700})
-        assert page.evaluate(SERIOUS, {**OPTIONS, "runOnly": NARROW}) == []
-        assert page.evaluate("() => document.documentElement.scrollWidth") <= 360
-        assert page.evaluate(SIDEWAYS) == []
+        check_as_it_is(page)
 
 
 def test_a_job_that_failed_is_changed_and_tried_again(opened: Opened, site: Site, unnamed: Path) -> None:
