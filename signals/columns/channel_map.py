@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from signals.columns.joint_maps import SCHEMA
-from signals.columns.units import COUNT, FORMAT, ISO8601, QUANTITIES, SAMPLE, TIMES, WITH_FACTOR, unit_of
+from signals.columns.units import COUNT, FORMAT, QUANTITIES, SAMPLE, TIMES, WITH_FACTOR, unit_of, units_of
 from signals.errors import TelemetryError, TextError
 from signals.formats.layout import Wanted
 from signals.reading.documents import parse_document
@@ -134,15 +134,6 @@ def _source(channel: str, value: object) -> Source:
 
 def _is_column(column: object) -> bool:
     return isinstance(column, str) or (type(column) is int and column >= 1)
-
-
-def units_of(channel: str) -> tuple[str, ...]:
-    """Return the units that a column of a channel, or of the clock, may have."""
-    if channel == TIME:
-        return (*TIMES, ISO8601, FORMAT, SAMPLE)
-    quantity = CHANNELS[channel]
-    more = (COUNT,) if quantity == "rad" else WITH_FACTOR if quantity == "N m" else ()
-    return (*QUANTITIES[quantity], *more)
 
 
 def _scale(channel: str, unit: str, value: Mapping[str, object]) -> float:

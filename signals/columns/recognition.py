@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from itertools import takewhile
 from types import MappingProxyType
 
-from signals.columns.channel_map import units_of
 from signals.columns.column_names import (
     CURRENT,
     FAMILIES,
@@ -22,7 +21,7 @@ from signals.columns.column_names import (
     meaning_of,
 )
 from signals.columns.joint_maps import SCHEMA
-from signals.columns.units import FORMAT, ISO8601, SAMPLE
+from signals.columns.units import FORMAT, ISO8601, SAMPLE, units_of
 from signals.telemetry import CHANNELS, TIME, Recognition
 
 TEMPERATURE, TORQUE = "temperature_degc", "motor_torque_nm"

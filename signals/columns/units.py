@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from signals.telemetry import CHANNELS, TIME
+
 ISO8601, FORMAT, SAMPLE, COUNT = "iso8601", "format", "sample", "count"
 TIMES: Mapping[str, float] = MappingProxyType({"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9})
 """[s] per unit; `iso8601`, `format` and `sample` stand beside them."""
@@ -78,3 +80,12 @@ def are_units(cells: tuple[str, ...]) -> bool:
     (True, False)
     """
     return all(unit_of(cell) is not None or _key(cell.strip(BRACKETS)) in OTHERS for cell in cells)
+
+
+def units_of(channel: str) -> tuple[str, ...]:
+    """Return the units that a column of a channel, or of the clock, may have."""
+    if channel == TIME:
+        return (*TIMES, ISO8601, FORMAT, SAMPLE)
+    quantity = CHANNELS[channel]
+    more = (COUNT,) if quantity == "rad" else WITH_FACTOR if quantity == "N m" else ()
+    return (*QUANTITIES[quantity], *more)

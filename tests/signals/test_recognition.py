@@ -9,9 +9,10 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from signals.columns.channel_map import channel_map_of, units_of
+from signals.columns.channel_map import channel_map_of
 from signals.columns.column_names import meaning_of
 from signals.columns.recognition import recognise
+from signals.columns.units import units_of
 from signals.errors import TelemetryError
 from signals.telemetry import CHANNELS, TIME, read_telemetry, recognise_columns
 from tests.shared_data import shared

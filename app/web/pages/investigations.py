@@ -27,8 +27,8 @@ from casebase.diagnoses import get_diagnosis
 from casebase.store import revisions
 from casebase.store.models import AxisRevision, RobotRevision, StoredInvestigation
 from casebase.store.pagination import page
-from signals.columns.channel_map import units_of
 from signals.columns.table_kinds import TEXT, binary_endings, table_kinds
+from signals.columns.units import units_of
 from signals.telemetry import CHANNELS, TIME
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
