@@ -7,7 +7,6 @@ from urllib.parse import quote
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, Response
 from sqlalchemy import select
-from sqlalchemy.orm import Session
 
 from app.api.recordings import UNCHANGING
 from app.http.errors import NotFound, Unprocessable
@@ -21,7 +20,7 @@ from app.report.investigation_report import Part, Shown, box_shown, joints_of, o
 from app.report.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
 from app.service import Reading, TheJobs, TheService
 from app.web.log_preview import log_preview, sound_preview
-from app.web.page import FromOurPage, Headlined, PageAdmin, PageOperator, PageViewer, headlined, lead, light, render
+from app.web.page import FromOurPage, PageAdmin, PageOperator, PageViewer, headlined, lead, light, render
 from casebase.axes import list_axes
 from casebase.diagnoses import get_diagnosis
 from casebase.store import revisions
@@ -124,7 +123,7 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "bar": bar_of(document),
         "shows": SHOWS,
         "overlay": panels_of(document, "overlay"),
-        "others": others_of(session, row),
+        "others": headlined(session, comparable(session, row)) if document else [],
         "accepted": session.scalars(select(revision).where(revision.investigation_id == row.id)).first(),
     }
     if row.robot:
@@ -138,37 +137,19 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         }
         return render(request, "robot.html", context, principal=principal, section=SECTION)
     told = document.get("story", {})
+    rest = document.get("unexplained") if document and document["verdict"] != "unnamed" else None
+    diagnosed = get_diagnosis(session, row.diagnosis_id) if row.diagnosis_id else None
     context |= {
         "likely_words": likely_words,
-        "unexplained": unexplained_in_words(document),
+        "unexplained": unexplained_words(unexplained_of(rest)) if rest else "",
         "residual": panels_of(document, "residual"),
         "sound": panels_of(document, "sound"),
         "candidates": told.get("candidates", ()),
         "checked": told.get("checked", ()),
         "not_examined": told.get("not_examined", ()),
-        "diagnosed": diagnosis_words(session, row),
+        "diagnosed": verdict_of(diagnosed.document).headline if diagnosed else None,
     }
     return render(request, "investigation.html", context, principal=principal, section=SECTION)
-
-
-def others_of(session: Session, row: StoredInvestigation) -> list[Headlined]:
-    """Return what a finished investigation can be compared with, and what each found."""
-    if row.document is None:
-        return []
-    return headlined(session, comparable(session, row))
-
-
-def diagnosis_words(session: Session, row: StoredInvestigation) -> str | None:
-    """Say what the diagnosis said from which an investigation was started."""
-    if row.diagnosis_id is None:
-        return None
-    return verdict_of(get_diagnosis(session, row.diagnosis_id).document).headline
-
-
-def unexplained_in_words(document: Mapping[str, Any]) -> str:
-    """Say what is left beside what was found; nothing where that is the verdict itself."""
-    found = document.get("unexplained")
-    return unexplained_words(unexplained_of(found)) if found and document["verdict"] != "unnamed" else ""
 
 
 def box_of_row(row: StoredInvestigation) -> list[Shown]:

@@ -127,8 +127,8 @@ if (upload || opener) {
     depth = 0;
     document.body.classList.remove("dragging");
     const form = one("main form[data-upload]") ?? upload;
-    if (investigate) return investigate([...event.dataTransfer.files]);
-    const found = dropped(event.dataTransfer);
+    const [found, files] = [dropped(event.dataTransfer), [...event.dataTransfer.files]];
+    if (investigate) return Promise.resolve(found).then((its) => investigate(its?.map(([, file]) => file) ?? files));
     if (found) return several(found);
     if (!form || !event.dataTransfer.files.length) return;
     one("input[type=file]", form).files = event.dataTransfer.files;
