@@ -67,8 +67,9 @@ def test_an_unnamed_log_is_investigated_and_its_map_is_kept(opened: Opened, site
         assert axis == "bench"
         assert json.loads(text)["motor_torque_nm"] == {"column": 14, "unit": "A", "factor": 8.5}
         page.goto(site.url + "/investigations/new")
-        page.get_by_label("Axis or robot").select_option("axis/bench")
         drop(page, unnamed)
+        expect(rows).to_have_count(31)
+        page.get_by_label("Axis or robot").select_option("axis/bench")
         expect(page.get_by_label("constant of column 14", exact=True)).to_have_value("8.5")
         assert asked(site, started(page)) == (axis, text)
 

@@ -18,7 +18,8 @@ export function investigation(form) {
   const field = (name) => form.elements[name];
   const [table, body, status, problem, map, rate, store] = ["[data-columns]", "tbody", "[data-status]", "[data-problem-here]", "#channels", "#rate", "[data-store]"].map((each) => one(each, form));
   const template = one("template", form).content;
-  let [rows, joints, layout, reading, edited, waiting] = [[], [], {}, 0, false, 0];
+  let [rows, joints, layout, reading, waiting] = [[], [], {}, 0, 0];
+  let [isNeeded, isEdited] = [false, false]; // the channel map
   const part = (row, name) => one(`[data-${name}]`, row.element);
   const channel = (row) => part(row, "channel").value;
   const joint = (row) => Number(part(row, "joint").value);
@@ -128,7 +129,7 @@ export function investigation(form) {
     return field("subject");
   }
   function changed() {
-    if (edited) map.value = written();
+    if (isNeeded) map.value = written();
     clearTimeout(waiting);
     if (rows.length && !missing() && joints.length < 2) waiting = setTimeout(readLog, SETTLED_MS);
   }
@@ -137,14 +138,14 @@ export function investigation(form) {
     const [number, [file, ...others]] = [++reading, field("telemetry").files];
     table.hidden = !file && !field("again");
     if (table.hidden) return;
-    [map.value, status.textContent, table.disabled] = [text, "Reading the columns …", true];
+    [map.value, isEdited, status.textContent, table.disabled] = [text, Boolean(text), "Reading the columns …", true];
     const said = await post("investigations/columns", ["sound", "as_new"]).then((answer) => answer.json()).then((found) => {
       if (number !== reading) return "";
       joints = found.joints;
       body.replaceChildren();
       rows = found.columns.map(added);
       fill(found.map);
-      edited = Object.keys(found.map).length > 0;
+      isNeeded = Object.keys(found.map).length > 0;
       changed();
       const doubt = rows.every(({ called, key }) => called !== key) ? "The columns have no names: see by their courses which is the time, and which is what." : !found.doubt ? "Recognised by names and units." : `Their names do not tell enough: ${words(found.doubt).replace(/ \(the lines [^)]*\)/, "")}.`;
       return `${found.before ? "Filled in as in the last investigation of it." : doubt} ${others.length ? `The other logs are read the same way: ${others.map(({ name }) => name).join(", ")}.` : ""}`;
@@ -154,7 +155,7 @@ export function investigation(form) {
   table.addEventListener("change", ({ target }) => {
     const row = rows.find(({ element }) => element.contains(target));
     const name = row && channel(row);
-    edited = true;
+    isNeeded = isEdited = true;
     if (target.matches("[data-channel]")) {
       const alike = taken(name).filter((each) => each !== row);
       const below = rows.slice(row.place + 1, row.place + joints.length);
@@ -170,7 +171,7 @@ export function investigation(form) {
   field("telemetry").addEventListener("change", () => columns());
 
   /* axis or robot: a new one is described on its own page meanwhile, or stored from here */
-  const described = () => columns(edited ? map.value : "");
+  const described = () => columns(isEdited ? map.value : "");
   async function listed() {
     const [list, known] = [field("subject"), [...field("subject").options].map(({ value }) => value)];
     const page = new DOMParser().parseFromString(await (await fetch(form.action)).text(), "text/html");
@@ -188,6 +189,7 @@ export function investigation(form) {
   });
   for (const name of ["axis", "robot"]) field(name).addEventListener("change", described);
   field("urdf").addEventListener("change", async ({ target }) => {
+    if (!target.files.length) return described();
     const found = new DOMParser().parseFromString(await target.files[0].text(), "text/xml");
     const name = (element) => `name = ${JSON.stringify(element?.getAttribute("name"))}`;
     if (!field("robot").value.trim()) field("robot").value = [name(one("robot", found)), ...all(MOVING, found).map((each) => `[[joints]]\n${name(each)}`)].join("\n");
