@@ -148,6 +148,14 @@ def natural(name: str) -> list[tuple[int, str]]:
     return [(int(part), "") if part[0] in DIGITS else (-1, part) for part in parts]
 
 
+def settle_now(library: CaseLibrary, fleet: Fleet) -> None:
+    """Do at once what `settle` does; where a large fleet has to be worked out for it, `alarm_watch` does it."""
+    with library.reading() as session:
+        large = fleet.is_begun(session)
+    if not large:
+        settle(library, fleet)
+
+
 def settle(library: CaseLibrary, fleet: Fleet) -> None:
     """Bring the alarms to what is known of the gearboxes, and put into the outbox what is to be told."""
     with library.transaction(ACTOR) as session:

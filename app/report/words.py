@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from app.report.formatting import name_of, percent, person, quantity, sentence
+from app.report.formatting import WORDS, name_of, percent, person, quantity, sentence, term
 from app.report.svg import sign_of
 from casebase.labels import BASELINES
 from casebase.reasoning.diagnosis import DIAGNOSED_FROM, EXCLUDED_BELOW
@@ -42,23 +42,19 @@ TOO_SHORT = ("too_short", "the recording covers less than")
 """A quality flag or a remark that begins so says that the recording is too short."""
 EMPTY = "the library has no case to compare with"
 ONE_LABEL, TOO_FEW = "the library knows one label alone", "too few gearboxes of"
-VERDICTS = {
-    "diagnosed": "Diagnosed",
-    "ambiguous": "Undecided",
-    "not_in_library": "Not in the library",
-    "unusable": "Unusable",
-}
+VERDICTS = WORDS["verdicts"]
 """The one word of the pages for each verdict of a document."""
 NOT_COMPARED = "no regular motion is found"
 """A remark that begins so says why there is no label, and stands first."""
 UNLIKE = "the nearest cases are "
 RECORD_AGAIN = (
-    "Record again for 20 s or more and three cycles of the motion or more, with the microphone at the gearbox, and "
-    "avoid what is marked poor above."
+    "Record it again for 20 s or more and three cycles of the motion or more, with the microphone at the gearbox"
 )
-OTHER_CHECKS = ("Compare with the nearest cases below, then inspect the place that they name.",)
+ALIKE = "in the same motion, with the same payload and the microphone at the same place"
+SOON = f"Record it again soon, {ALIKE}."
+OTHER_CHECKS = ("Have the gearbox inspected at its next stop.", SOON)
 UNKNOWN_CHECKS = (
-    "Record the axis again to rule out a disturbance.",
+    f"Record it again, {ALIKE}, to rule out a disturbance.",
     "If the sound is the same, have the gearbox inspected, and add what was found as a case with its label.",
 )
 EMPTY_CHECKS = ("Add recordings of which it is known what they are, or have cases simulated; then diagnose it again.",)
@@ -281,7 +277,7 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
     headline = "No fault indicated" if good else f"Fault likely: {present}"
     sure = f"{_sure(document)}{limits_of(document) if good else _size(document)}".strip()
     rest = f"{_left(document)}{_support(document)}"
-    return Verdict(headline, sure, label, _checks(document, label), why=why(document), rest=rest)
+    return Verdict(headline, sure, label, checks_of(document, label), why=why(document), rest=rest)
 
 
 def judged(verdict: Verdict, row: StoredDiagnosis) -> Verdict:
@@ -290,7 +286,7 @@ def judged(verdict: Verdict, row: StoredDiagnosis) -> Verdict:
         return verdict
     label, by = None if row.state == "rejected" else row.revised_label or row.label, person(row.revised_by or "")
     name = "" if label is None else f"{name_of(label)}, "
-    headline, checks = f"{name}{row.state} by {by}", UNKNOWN_CHECKS if label is None else _checks(row.document, label)
+    headline, checks = f"{name}{row.state} by {by}", UNKNOWN_CHECKS if label is None else checks_of(row.document, label)
     sure = f"The library: {verdict.headline}. {verdict.sure}"
     return replace(verdict, headline=f"{headline[:1].upper()}{headline[1:]}", sure=sure, label=label, checks=checks)
 
@@ -333,16 +329,22 @@ def time_in_cycle(document: Mapping[str, Any], label: str | None) -> str:
     return f"{quantity(at_s, 's')} after the first reversal (one cycle is {quantity(period_s, 's')})"
 
 
-def _checks(document: Mapping[str, Any], label: str) -> tuple[str, ...]:
-    place = time_in_cycle(document, label) or PLACE
-    return tuple(check.replace(PLACE, place) for check in CHECKS.get(label, OTHER_CHECKS))
+def checks_of(document: Mapping[str, Any] | None, label: str) -> tuple[str, ...]:
+    """Return what a label asks for, with the time at which its impact comes where a diagnosis found that."""
+    place = time_in_cycle(document, label) if document else ""
+    return tuple(check.replace(PLACE, place or PLACE) for check in CHECKS.get(label, OTHER_CHECKS))
+
+
+def _again(document: Mapping[str, Any]) -> tuple[str]:
+    poor = dict.fromkeys(term(flag["name"], "quality") for flag in document["quality"] if flag["severity"] == "poor")
+    return (f"{RECORD_AGAIN}{f'; avoid {listed}' if (listed := ', '.join(poor)) else ''}.",)
 
 
 def _unusable(document: Mapping[str, Any]) -> Verdict:
     remarks = tuple(document["remarks"])
     reason = "; ".join(remarks or ["no reason was given"])
     headline = "Unusable: too short" if too_short(document) else "Unusable: the recording cannot be compared"
-    checks = (RECORD_AGAIN,) if is_poor(document) or too_short(document) else ("Record again.",)
+    checks = _again(document) if is_poor(document) or too_short(document) else (f"Record it again, {ALIKE}.",)
     return Verdict(headline, sentence(reason), None, checks, remarks)
 
 
@@ -363,7 +365,7 @@ def _not_in_library(document: Mapping[str, Any]) -> Verdict:
         headline = f"Not in the library, but the recording is {limit}"
     elif why:
         headline = f"Not in the library: {why[0].partition(',')[0]}"
-    return Verdict(headline, summary, None, (RECORD_AGAIN,) if limit or why else UNKNOWN_CHECKS, told)
+    return Verdict(headline, summary, None, _again(document) if limit or why else UNKNOWN_CHECKS, told)
 
 
 def _undecided(document: Mapping[str, Any]) -> Verdict:
@@ -375,7 +377,7 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
     left = "" if _knows_one_label(document) else _left(document)
     sure = f"{''.join(f'{sentence(one)} ' for one in reasons)}{border}".strip()
     # what tells two faults apart is what each asks for first; that nothing is to be done cannot be said yet
-    faults = [_checks(document, label) for label in likely if label != "normal"]
+    faults = [checks_of(document, label) for label in likely if label != "normal"]
     asked = [check for checks in faults for check in (checks if len(faults) == 1 else checks[:1])]
     headline = f"Undecided: {names}"
     if limit:
@@ -384,7 +386,7 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
         headline = f"Fault likely, undecided which: {names}"
     elif _knows_one_label(document):
         headline = f"Undecided: the library knows one label alone, {names}"
-    checks = (RECORD_AGAIN,) if limit else tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *asked)))
+    checks = _again(document) if limit else tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *asked)))
     label, rest = likely[0] if found and not limit else None, f"{left}{_support(document)}"
     return Verdict(headline, sure, label, checks, (*reasons, *told), why(document), rest)
 
@@ -442,9 +444,7 @@ def limits_of(document: Mapping[str, Any]) -> str:
 
 def _size(document: Mapping[str, Any]) -> str:
     found = size_of(document)
-    return (
-        f"About {found[1]} {SIZES[document['severity']['parameter']][1]} (90 % interval {found[2]}). " if found else ""
-    )
+    return f"About {found[1]} {SIZES[document['severity']['parameter']][1]}. " if found else ""
 
 
 def _support(document: Mapping[str, Any]) -> str:
