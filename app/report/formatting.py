@@ -118,6 +118,15 @@ def origin_badge(origin: str) -> Markup:
     return Markup('<span class="badge {}">{}</span>').format(origin, origin)
 
 
+def reason(error: str) -> str:
+    """Return why a job failed as a sentence, without the number of the part that failed.
+
+    >>> reason("task 0: there is no channel 5")
+    'There is no channel 5.'
+    """
+    return sentence(re.sub(r"^task \d+: ", "", error))
+
+
 def person(actor: str) -> str:
     """Return the name of who did something, without the ending by which the audit tells keys of one name apart.
 
@@ -167,6 +176,7 @@ def _environment() -> Environment:
         changes=changes,
         term=term,
         person=person,
+        reason=reason,
         angle=angle,
         feature_words=feature_words,
         named=named,

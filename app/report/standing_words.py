@@ -8,7 +8,7 @@ from zoneinfo import ZoneInfo
 from markupsafe import Markup
 
 from app.report.formatting import NO_BREAK, name_of, shape, term
-from app.report.words import ALIKE, CHECKS, SOON, checks_of, in_short, is_compared, one_of, sure_of, verdict_of
+from app.report.words import ALIKE, CHECKS, REPAIR, SOON, checks_of, in_short, is_compared, one_of, sure_of, verdict_of
 from casebase.gearbox_state import NamedFault, Reason, Standing, State
 from casebase.reasoning.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
 
@@ -128,8 +128,10 @@ def next_steps(standing: Standing | None, document: Document | None = None) -> t
             document and document["verdict"] != "diagnosed"
         ):
             return verdict_of(document).checks
-        case Reason.NAMED | Reason.FOUND:
+        case Reason.NAMED:
             return checks_of(document, label)
+        case Reason.FOUND:
+            return (REPAIR, *checks_of(document, label))
         case Reason.CHANGED if standing.trend is not None:
             sign = risen(standing.trend)[1] or ""
             return (SOON, checks_of(document, sign)[0] if sign else "Have it inspected if it keeps on rising.")
@@ -165,7 +167,7 @@ def since_words(standing: Standing, zone: str) -> str:
             )
             fault = standing.fault
             good = f"; {fault.good} of its recordings since sounded good" if fault and fault.good else ""
-            return f"Called likely since {on}{good}{changed}."
+            return f"Fault likely since {on}{good}{changed}."
         case State.WATCH if standing.reason is Reason.CHANGED:
             return f"Its sound began to change about {on}."
         case State.WATCH if standing.reason is Reason.AT_ONCE:

@@ -6,12 +6,11 @@ from typing import Any
 
 from markupsafe import Markup
 
-from app.report.formatting import WORDS, name_of, percent, person, quantity, sentence, term
+from app.report.formatting import WORDS, name_of, percent, person, quantity, sentence
 from app.report.svg import sign_of
 from casebase.labels import BASELINES
 from casebase.reasoning.diagnosis import DIAGNOSED_FROM, EXCLUDED_BELOW
 from casebase.store.models import StoredDiagnosis
-from signals.features import feature_words
 from sim.investigation.report.comparison import Row
 from sim.investigation.report.formatting import angle, likely, named
 from sim.mechanisms.mechanism import SECURED
@@ -48,8 +47,9 @@ NOT_COMPARED = "no regular motion is found"
 """A remark that begins so says why there is no label, and stands first."""
 UNLIKE = "the nearest cases are "
 RECORD_AGAIN = (
-    "Record it again for 20 s or more and three cycles of the motion or more, with the microphone at the gearbox"
+    "Record it again for 20 s or more and three cycles of the motion or more, with the microphone at the gearbox."
 )
+REPAIR = "Plan its repair or exchange, and note it on the page of the gearbox when it is done."
 ALIKE = "in the same motion, with the same payload and the microphone at the same place"
 SOON = f"Record it again soon, {ALIKE}."
 OTHER_CHECKS = ("Have the gearbox inspected at its next stop.", SOON)
@@ -173,7 +173,8 @@ def sure_of(document: Mapping[str, Any]) -> str:
     label = document["label"]
     if document["verdict"] == "diagnosed" and (fault is None or label in BASELINES):
         return sure[0]
-    first = [] if fault is None else [f"a fault {_written(document, fault)}"]
+    more = fault is not None and label not in BASELINES and fault > document["probability"]
+    first = [f"a fault {_written(document, fault)}"] if more else []
     return ", ".join((*first, f"{name_of(label)} {sure[0]}"))
 
 
@@ -277,7 +278,7 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
     headline = "No fault indicated" if good else f"Fault likely: {present}"
     sure = f"{_sure(document)}{limits_of(document) if good else _size(document)}".strip()
     rest = f"{_left(document)}{_support(document)}"
-    return Verdict(headline, sure, label, checks_of(document, label), why=why(document), rest=rest)
+    return Verdict(headline, sure, label, checks_of(document, label), why=why(document, [label]), rest=rest)
 
 
 def judged(verdict: Verdict, row: StoredDiagnosis) -> Verdict:
@@ -286,22 +287,21 @@ def judged(verdict: Verdict, row: StoredDiagnosis) -> Verdict:
         return verdict
     label, by = None if row.state == "rejected" else row.revised_label or row.label, person(row.revised_by or "")
     name = "" if label is None else f"{name_of(label)}, "
-    headline, checks = f"{name}{row.state} by {by}", UNKNOWN_CHECKS if label is None else checks_of(row.document, label)
+    checks = UNKNOWN_CHECKS if label is None else checks_of(row.document, label)
+    headline = f"{name}{row.state} by {by}"
+    checks = checks if label in (None, *BASELINES) else (REPAIR, *checks)
     sure = f"The library: {verdict.headline}. {verdict.sure}"
     return replace(verdict, headline=f"{headline[:1].upper()}{headline[1:]}", sure=sure, label=label, checks=checks)
 
 
-def why(document: Mapping[str, Any]) -> str:
-    """Say in one sentence what speaks most for the label of a diagnosis; empty where nothing was found."""
+def why(document: Mapping[str, Any], labels: Sequence[str]) -> str:
+    """Say in one sentence what speaks most for these labels of a diagnosis."""
     if time_in_cycle(document, document["label"]):
         where = "in one direction alone" if document["label"] == "notch" else "around its reversals"
         return f"An impact comes in every cycle of the motion, {where}."
-    compared = [item for item in document.get("evidence", ()) if item["kind"] == "feature"]
-    if not compared:
+    if not labels:
         return ""
-    item = max(compared, key=lambda each: float(each["share"]))
-    sides = " and ".join(f"{value} {words}" for words, value in sides_of(item))
-    return sentence(f"{feature_words(item['quantity'])}: {quantity(item['value'], item['unit'])} here, {sides}")
+    return f"Of all known cases it sounds most like those of {' and of '.join(map(name_of, labels))}."
 
 
 def sides_of(item: Mapping[str, Any]) -> Iterator[tuple[str, Markup]]:
@@ -335,9 +335,9 @@ def checks_of(document: Mapping[str, Any] | None, label: str) -> tuple[str, ...]
     return tuple(check.replace(PLACE, place or PLACE) for check in CHECKS.get(label, OTHER_CHECKS))
 
 
-def _again(document: Mapping[str, Any]) -> tuple[str]:
-    poor = dict.fromkeys(term(flag["name"], "quality") for flag in document["quality"] if flag["severity"] == "poor")
-    return (f"{RECORD_AGAIN}{f'; avoid {listed}' if (listed := ', '.join(poor)) else ''}.",)
+def _again(document: Mapping[str, Any]) -> tuple[str, ...]:
+    poor = [WORDS["remedies"].get(flag["name"]) for flag in document["quality"] if flag["severity"] == "poor"]
+    return (RECORD_AGAIN, *dict.fromkeys(filter(None, poor)))
 
 
 def _unusable(document: Mapping[str, Any]) -> Verdict:
@@ -388,7 +388,7 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
         headline = f"Undecided: the library knows one label alone, {names}"
     checks = _again(document) if limit else tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *asked)))
     label, rest = likely[0] if found and not limit else None, f"{left}{_support(document)}"
-    return Verdict(headline, sure, label, checks, (*reasons, *told), why(document), rest)
+    return Verdict(headline, sure, label, checks, (*reasons, *told), why(document, likely), rest)
 
 
 def is_compared(document: Mapping[str, Any]) -> bool:

@@ -164,7 +164,9 @@ class Hour:
         if not self.is_simulated and self.offered:
             return Advice("Simulate its cases.", "It has none of faults that you could not record yet.", "#simulate")
         if self.is_asked and self.is_simulated:
-            return Advice("Wait for the fourth step.", "It is being worked out, and the page goes on by itself.")
+            return Advice(
+                "Wait for step 4, how well it does.", "It is being worked out, and the page goes on by itself."
+            )
         return next(iter(self.advice), None)
 
     @property
