@@ -8,7 +8,7 @@ from sqlalchemy.orm import Session
 
 from app.alarms.addresses import check_receiver
 from app.documents import Answer, Cursor, Identifier, Instant, Limit, PageOf, Question, page_of
-from app.fleet import settle_now
+from app.fleet import settle
 from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Admin
 from app.service import Reading, TheService
@@ -161,7 +161,7 @@ def create_rule(_: Admin, body: RuleRequest, once: OnlyOnce) -> Response:
         return Made(RuleAnswer.model_validate(rules.add_rule(session, body.name, condition, body.receivers)))
 
     answer = once.run(work, body.model_dump())
-    settle_now(once.service.library, once.service.fleet)
+    settle(once.service.library, once.service.fleet, at_once=True)
     return answer
 
 

@@ -195,6 +195,7 @@ def _row(session: Session, job_id: str, *, lock: bool = False) -> StoredJob:
 
 
 def _job(row: StoredJob) -> Job:
+    asked: Mapping[str, Any] = row.parameters
     return Job(
         id=row.id,
         kind=row.kind,
@@ -206,14 +207,8 @@ def _job(row: StoredJob) -> Job:
         worker=row.worker,
         result=row.result,
         error=row.error,
-        about=_about(row.parameters),
+        about=asked["axis"]["name"] if asked.get("axis") else asked.get("about", asked.get("name")),
     )
-
-
-def _about(parameters: Mapping[str, Any]) -> str | None:
-    axis = parameters.get("axis")
-    found: str | None = axis["name"] if axis else parameters.get("about", parameters.get("name"))
-    return found
 
 
 @dataclass(eq=False)

@@ -142,18 +142,13 @@ def changes(after: Mapping[str, object], before: Mapping[str, object]) -> str:
     >>> changes({"label": "notch", "file_sha256": "00"}, {"label": "normal"})
     'label: tooth damage, before: no fault'
     """
-    found = []
-    for field in {**before, **after}:
-        name, (new, old) = term(field, "fields"), (_of_field(field, each.get(field)) for each in (after, before))
-        if name and new != old:
-            found.append(f"{name}: {', before: '.join(filter(None, (new or 'none', old)))}")
-    return "; ".join(found) or "–"
+    changed = [one for one in {**before, **after} if term(one, "fields") and after.get(one) != before.get(one)]
+    sides = [(term(one, "fields"), *(_value(one, each.get(one)) for each in (after, before))) for one in changed]
+    return "; ".join(f"{name}: {', before: '.join(filter(None, (new, old)))}" for name, new, old in sides) or "–"
 
 
-def _of_field(field: str, value: object) -> str:
-    if value in (None, "", {}, []):
-        return ""
-    return term(str(value), f"{field}s") if f"{field}s" in WORDS else str(value)
+def _value(field: str, value: object) -> str:
+    return term(str(value), f"{field}s") if f"{field}s" in WORDS and value else str(value or "")
 
 
 def instant(value: datetime | None, zone: str) -> Markup:

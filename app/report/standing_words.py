@@ -96,8 +96,7 @@ def why(standing: Standing | None, zone: str, document: Document | None = None) 
 
 def _is_open(document: Document) -> bool:
     """Whether a diagnosis that names nothing has more to say than that its sound is like no known one."""
-    unlike = document["verdict"] == "not_in_library"
-    return document["verdict"] == "ambiguous" or (unlike and not is_compared(document))
+    return document["verdict"] == "ambiguous" or not (document["verdict"] == "diagnosed" or is_compared(document))
 
 
 def named_words(fault: NamedFault, zone: str) -> str:
@@ -151,33 +150,6 @@ def next_steps(standing: Standing | None, document: Document | None = None) -> t
             return CHECKS["normal"]
         case reason:
             return (ONE_STEP.get(reason, SOON),)
-
-
-def since_words(standing: Standing, zone: str) -> str:
-    """Say of what a day is since when a gearbox has been in its state; nothing where it is in none since a day."""
-    if standing.since is None:
-        return ""
-    on, trend = day(standing.since, zone), standing.trend
-    match standing.state:
-        case State.FAULT_LIKELY:
-            changed = (
-                f"; its sound began to change about {day(trend.began.at, zone)}"
-                if trend and trend.changed and trend.at_once is None
-                else ""
-            )
-            fault = standing.fault
-            good = f"; {fault.good} of its recordings since sounded good" if fault and fault.good else ""
-            return f"Fault likely since {on}{good}{changed}."
-        case State.WATCH if standing.reason is Reason.CHANGED:
-            return f"Its sound began to change about {on}."
-        case State.WATCH if standing.reason is Reason.AT_ONCE:
-            return f"Its sound changed about {on}."
-        case State.WATCH:
-            return f"First named on {on}."
-        case State.NOT_HEARD:
-            return f"Last heard on {on}."
-        case _:
-            return f"In this state since {on}."
 
 
 def trend_words(trend: Trend | None, zone: str) -> str:

@@ -18,7 +18,7 @@ from app.alarms.addresses import check_receiver
 from app.alarms.message import message_of
 from app.api.alarms import ReceiverRequest, RuleRequest
 from app.documents import KeyRequest
-from app.fleet import settle_now
+from app.fleet import settle
 from app.http import keys
 from app.http.errors import Forbidden, NotAuthenticated, NotFound, Unprocessable
 from app.http.keys import Role
@@ -254,7 +254,7 @@ def create_rule(
     )
     with service.library.transaction(principal.actor) as session:
         rules.add_rule(session, asked.name, asked.condition(), asked.receivers)
-    settle_now(service.library, service.fleet)
+    settle(service.library, service.fleet, at_once=True)
     return lead(service, ALARMS)
 
 

@@ -19,7 +19,7 @@ from app.fleet import Gearbox
 from app.http.errors import Unprocessable
 from app.report.charts import charts_of, level_chart
 from app.report.formatting import term
-from app.report.standing_words import day, evidence_words, next_steps, since_words, state_badge, trend_words, why
+from app.report.standing_words import day, evidence_words, next_steps, state_badge, trend_words, why
 from app.report.words import VERDICTS
 from app.service import Reading, Service, TheService
 from app.web.page import ROWS, FromOurPage, Headlined, PageOperator, PageViewer, lead, newest, render, waiting_page
@@ -328,7 +328,6 @@ def gearbox_page(
         "standing": stands,
         "badge": state_badge(stands, at) if stands else None,
         "why": why(stands, zone, document) if stands else None,
-        "since": since_words(stands, zone) if stands else "",
         "steps": next_steps(stands, document) if stands else (),
         "changed": trend_words(trend, zone),
         "at_once": question_of(shown, trend, zone),
