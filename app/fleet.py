@@ -148,11 +148,17 @@ def natural(name: str) -> list[tuple[int, str]]:
     return [(int(part), "") if part[0] in DIGITS else (-1, part) for part in parts]
 
 
-def settle(library: CaseLibrary, fleet: Fleet) -> None:
-    """Bring the alarms to what is known of the gearboxes, and put into the outbox what is to be told."""
+def settle(library: CaseLibrary, fleet: Fleet, *, at_once: bool = False) -> None:
+    """Bring the alarms to what is known of the gearboxes, and put into the outbox what is to be told.
+
+    Args:
+        at_once: somebody waits, so a large fleet that was not worked out yet is left to `alarm_watch`.
+    """
     with library.transaction(ACTOR) as session:
         count_lost(session)
     with library.reading() as session:
+        if at_once and fleet.is_begun(session):
+            return
         changed = fleet.changed(session)
         places = unsettled(session, fleet.in_service(session), changed)
     for axis, gearbox in places:

@@ -168,7 +168,9 @@ def submit(library: CaseLibrary, session: Session, jobs: Jobs, question: Questio
         library.audio.keep(session, content)
     asked = {("robot" if row.robot else "axis"): row.subject, **question.inputs}
     audit.record(session, "investigation.asked", ("investigation", row.id), after=asked)
-    return jobs.order(session, KIND, {"investigation_id": row.id}, job_id=row.id, submitted_by=row.created_by)
+    files = [name for part in PARTS for name in names_of(row, part)]
+    parameters: dict[str, Json] = {"investigation_id": row.id, "about": ", ".join([str(row.subject), *files])}
+    return jobs.order(session, KIND, parameters, job_id=row.id, submitted_by=row.created_by)
 
 
 def _readable(measured: Measured, read: Callable[[Path], object], *, several: bool) -> None:

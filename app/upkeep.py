@@ -14,6 +14,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from casebase.errors import LibraryError
 from casebase.library import CaseLibrary
 from casebase.origins import DEMO
+from casebase.recordings import bundles_left
 from casebase.store.artifacts import active_artifact
 from casebase.store.erasing import discard_left, expire
 from casebase.store.stale_locks import count_abandoned
@@ -111,7 +112,9 @@ def leftovers(library: CaseLibrary, incoming: Path, *, remove: bool) -> int:
     named = library.audio.marks()
     count = count_abandoned(under_way, remove=remove) + count_abandoned(named.values(), remove=False)
     if remove:
-        library.sweep(named)
+        with library.reading() as session:
+            bundles = bundles_left(session, library.audio)
+        library.sweep([*named, *bundles])
     return count + discard_left(library, remove=remove)
 
 

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
+from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +18,13 @@ from casebase.sounds import find_sound, keep_sound
 from casebase.store import audit
 from casebase.store.audio_store import AudioStore, Content
 from casebase.store.database import strict_json
-from casebase.store.models import Extractor, FeatureRow, StoredInvestigation, StoredJob, StoredRecording, new_id
+from casebase.store.models import Extractor, FeatureRow, StoredInvestigation, StoredJob, StoredRecording, new_id, now
 from signals.features import Extraction, FeatureVector
 from signals.fingerprint import fingerprints
 from signals.recording import Recording
 
 IMPORTS = "imports"
-"""Kind of the jobs that import bundles; until such a job is over it speaks of its bundle."""
+"""Kind of the jobs that import bundles."""
 DISCARDED = "discarded_files"
 """In a session's `info`: hashes of the files that are to go when it is committed."""
 
@@ -114,9 +115,19 @@ def unspoken(session: Session, hashes: Collection[str], *recordings: ColumnEleme
 
 
 def bundles_under_way(session: Session) -> list[str]:
-    """Return the file of each import that is not over."""
-    under_way = select(StoredJob.parameters).where(StoredJob.kind == IMPORTS, StoredJob.finished_at.is_(None))
-    return [str(asked["sha256"]) for asked in session.scalars(under_way)]
+    """Return the file of each import that is not over, or that was cancelled less than a day ago and may be resumed."""
+    resumable = (StoredJob.state == "cancelled") & (StoredJob.finished_at > now() - timedelta(days=1))
+    return _bundles(session, StoredJob.finished_at.is_(None) | resumable)
+
+
+def bundles_left(session: Session, audio: AudioStore) -> list[str]:
+    """Return the files of imports that are over which are still there."""
+    return [each for each in _bundles(session, StoredJob.finished_at.is_not(None)) if audio.path_of(each).is_file()]
+
+
+def _bundles(session: Session, jobs: ColumnElement[bool]) -> list[str]:
+    parameters = session.scalars(select(StoredJob.parameters).where(StoredJob.kind == IMPORTS, jobs))
+    return [str(asked["sha256"]) for asked in parameters]
 
 
 def store_features(session: Session, row: StoredRecording, extraction: Extraction) -> FeatureRow:

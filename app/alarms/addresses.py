@@ -47,7 +47,8 @@ def broker(settings: Settings) -> Server:
 
 def _server(what: str, url: SecretStr | None, name: str, ports: Mapping[str, int]) -> Server:
     if url is None:
-        raise DeliveryError(f"no {what} is set: {name}")
+        scheme, port = next(iter(ports.items()))
+        raise DeliveryError(f"no {what} is set: {name} has to name it, as {scheme}://user:password@host:{port}")
     try:
         parts = urlsplit(url.get_secret_value())
         host, usual = check_host(parts.hostname or ""), ports[parts.scheme]

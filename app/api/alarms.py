@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 
 from app.alarms.addresses import check_receiver
 from app.documents import Answer, Cursor, Identifier, Instant, Limit, PageOf, Question, page_of
+from app.fleet import settle
 from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Admin
 from app.service import Reading, TheService
@@ -153,13 +154,15 @@ def list_rules(_: Admin, session: Reading) -> list[RuleAnswer]:
 
 @router.post("/rules", status_code=status.HTTP_201_CREATED, response_model=RuleAnswer)
 def create_rule(_: Admin, body: RuleRequest, once: OnlyOnce) -> Response:
-    """Make a rule. It is told when it begins to hold of a gearbox, and again after it has ceased to hold."""
+    """Make a rule. A message is sent where it holds already, when it begins to hold, and again after it has ceased."""
     condition = body.condition()
 
     def work(session: Session) -> Made:
         return Made(RuleAnswer.model_validate(rules.add_rule(session, body.name, condition, body.receivers)))
 
-    return once.run(work, body.model_dump())
+    answer = once.run(work, body.model_dump())
+    settle(once.service.library, once.service.fleet, at_once=True)
+    return answer
 
 
 @router.delete("/rules/{rule_id}", status_code=status.HTTP_204_NO_CONTENT)

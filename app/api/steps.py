@@ -12,6 +12,7 @@ from app.documents import Instant
 from app.http.errors import Forbidden
 from app.http.idempotency import Made, OnlyOnce
 from app.http.security import Operator, Role, Viewer
+from app.report.formatting import name_of
 from app.service import Reading
 from casebase.cycle.retain import RETAINED
 from casebase.cycle.revise import CHANGED
@@ -65,7 +66,7 @@ def described(session: Session, entries: Sequence[AuditEntry]) -> StepTaken:
             path = f"/diagnoses/{case.diagnosis_id}" if case and case.diagnosis_id else f"/cases/{kept}"
     if changed:
         labels = dict.fromkeys(
-            str(one.after["label"]) for one in entries if one.action == CHANGED and "label" in one.after
+            name_of(str(one.after["label"])) for one in entries if one.action == CHANGED and "label" in one.after
         )
         what = f"labelled {', '.join(labels)}" if labels else "changed"
         words.append(f"{len(changed)} {'case' if len(changed) == 1 else 'cases'} {what}")
@@ -76,7 +77,7 @@ def described(session: Session, entries: Sequence[AuditEntry]) -> StepTaken:
 def _revised(session: Session, entry: AuditEntry) -> str:
     name = get_diagnosis(session, entry.subject_id).recording.file_name
     state, label = entry.after["state"], entry.after["label"]
-    return f"{name}: {state}{f' as {label}' if label else ''}"
+    return f"{name}: {state}{f' as {name_of(str(label))}' if label else ''}"
 
 
 router = APIRouter(tags=["steps"], prefix="/steps")

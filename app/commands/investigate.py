@@ -188,7 +188,7 @@ def _lines(result: Investigation, whose: Sequence[str]) -> list[str]:
             f"    what to do now: {f.action}",
         ]
     if result.unexplained is not None:
-        lines.append(f"  without a name: {unexplained_words(result.unexplained)}")
+        lines.append(f"  of unknown cause: {unexplained_words(result.unexplained)}")
     for e in result.parameters:
         described = "not described" if e.nominal is None else f"described {e.nominal:.5g}"
         lines.append(f"  {e.name}: {described}, found {_with_unit(e)} ({e.low:.5g} to {e.high:.5g})")

@@ -39,6 +39,7 @@ def list_jobs(json: Json = False) -> None:
         (
             job.id,
             job.kind,
+            job.about or "",
             job.state,
             job.progress.stage,
             f"{job.progress.fraction:.0%}",
@@ -47,7 +48,7 @@ def list_jobs(json: Json = False) -> None:
         )
         for job in found
     ]
-    columns = ("job", "kind", "state", "stage", "done", "worker", "since")
+    columns = ("job", "kind", "of", "state", "stage", "done", "worker", "since")
     frame.answer(json, [_document(job) for job in found], frame.table(columns, rows))
 
 

@@ -7,6 +7,7 @@ import socket
 import sys
 import tempfile
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -21,12 +22,14 @@ from app.http.middleware import Metrics
 from app.logs import configure_logs, leave
 from app.main import create_app
 from app.service import Service
+from app.upkeep import Periodic
 from casebase.errors import DamagedError
 from casebase.store.integrity import RESTORE, cut_logs, faults_of
 
 RULE = "\N{BOX DRAWINGS HEAVY HORIZONTAL}" * 75
 FIRST_KEY = "first-admin-key"
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
+M_ARENA_MAX = -8
+TRIM_EVERY_S = 20.0
 STOPPING_S = 4
 """Requests under way are given so long; the service ends within 5 s, who runs containers kills after 10."""
 
@@ -55,14 +58,11 @@ def serve(
 
 
 def return_memory() -> None:
-    """Have glibc give back what is freed: else each thread has a heap of its own, and under load the process grows.
-
-    Two heaps at most; from 256 KiB on an array is a mapping of its own, which goes when it is freed.
-    """
+    """Give freed memory back every so often: under load glibc's heaps grow, and one is made for each thread."""
     libc = ctypes.CDLL(None) if sys.platform == "linux" else None
-    if libc is not None and hasattr(libc, "mallopt"):  # it is glibc
-        for option, value in ((M_ARENA_MAX, 2), (M_MMAP_THRESHOLD, 1 << 18), (M_TRIM_THRESHOLD, 1 << 20)):
-            libc.mallopt(option, value)
+    if libc is not None and hasattr(libc, "malloc_trim"):
+        libc.mallopt(M_ARENA_MAX, 2)
+        Periodic("memory", TRIM_EVERY_S, partial(libc.malloc_trim, 0)).start()
 
 
 def _serve(listening: socket.socket, *, worker: bool, proxies: str, log_folder: Path | None, show_key: bool) -> None:
@@ -86,6 +86,7 @@ def _serve(listening: socket.socket, *, worker: bool, proxies: str, log_folder: 
             proxy_headers=bool(proxies),
             forwarded_allow_ips=proxies or "127.0.0.1",
             server_header=False,
+            timeout_keep_alive=int(settings().header_timeout_s),  # who comes again after 5 s has a connection
             timeout_graceful_shutdown=STOPPING_S,
             h11_max_incomplete_event_size=64 * 1024,
         )

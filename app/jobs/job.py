@@ -53,6 +53,8 @@ class Job:
     worker: str | None
     result: Any
     error: str | None
+    about: str | None
+    """The axis, robot or file that it is of."""
 
 
 @dataclass(frozen=True)

@@ -15,14 +15,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
-from typing import cast
+from typing import Any, cast
 from weakref import WeakValueDictionary
 
 from sqlalchemy import select
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Session, undefer
 
 from app.jobs.job import Job, JobError, JobEvent, JobKind, JobNotFoundError, JobState, JobStateError, Json, Progress
 from app.settings import Settings
+from casebase.alarms.outbox import KIND as DELIVERIES
 from casebase.library import CaseLibrary
 from casebase.store import leases
 from casebase.store.models import JobStep, StoredJob, StoredJobEvent, new_id, now
@@ -31,6 +32,7 @@ from casebase.store.pagination import Page, page
 ACTOR = "jobs"
 POLL_S = 0.5
 OVER: tuple[JobState, ...] = ("done", "failed", "cancelled")
+ENTRIES = select(StoredJob).options(undefer(StoredJob.parameters))
 KINDS: dict[str, tuple[str, str]] = {
     "simulations": ("app.simulated.generation", "simulations"),
     "investigations": ("app.investigations", "investigations"),
@@ -111,8 +113,10 @@ class Jobs:
             return _job(_row(session, job_id))
 
     def list(self, *, limit: int = 100) -> tuple[Job, ...]:
-        """The newest jobs first."""
-        return tuple(self.page(limit=limit).items)
+        """The newest jobs first, without those that send messages: the outbox has these."""
+        ordered = ENTRIES.where(StoredJob.kind != DELIVERIES).order_by(StoredJob.id.desc())
+        with self._library.reading() as session:
+            return tuple(_job(row) for row in session.scalars(ordered.limit(limit)))
 
     def newest_of_axis(self, kind: str, axis: str) -> Job | None:
         """The newest job of a kind whose parameters have this axis; None where there is none."""
@@ -121,13 +125,13 @@ class Jobs:
         )
         with self._library.reading() as session:
             found = session.scalar(statement.order_by(StoredJob.id.desc()).limit(1))
-        return None if found is None else _job(found)
+            return None if found is None else _job(found)
 
     def page(self, *, limit: int = 50, cursor: str | None = None) -> Page[Job]:
         """A page of the jobs, the newest first. Raises InvalidCursorError."""
         with self._library.reading() as session:
-            found = page(session, select(StoredJob), StoredJob.id, limit=limit, cursor=cursor)
-        return Page([_job(row) for row in found.items], found.next_cursor)
+            found = page(session, ENTRIES, StoredJob.id, limit=limit, cursor=cursor)
+            return Page([_job(row) for row in found.items], found.next_cursor)
 
     def news(self, job_id: str, *, after: int = -1) -> tuple[Sequence[JobEvent], bool]:
         """The history after event number `after`, and whether nothing will follow. Raises JobNotFoundError."""
@@ -158,7 +162,7 @@ class Jobs:
                 raise JobStateError(f"job {job_id} is {row.state}: only a queued or running job can be cancelled")
             if row.state != "cancelled":
                 row.state, row.finished_at, row.worker = "cancelled", now(), None
-        return _job(row)
+            return _job(row)
 
     def resume(self, job_id: str) -> Job:
         """Go on with a cancelled job where it was. Raises JobStateError."""
@@ -167,7 +171,7 @@ class Jobs:
             if row.state != "cancelled":
                 raise JobStateError(f"job {job_id} is {row.state}: only a cancelled job can be resumed")
             row.state, row.finished_at = "queued", None
-        return _job(row)
+            return _job(row)
 
     def workers(self) -> dict[str, int]:
         """Workers that have jobs, or steps of them, in hand, and how many."""
@@ -191,6 +195,7 @@ def _row(session: Session, job_id: str, *, lock: bool = False) -> StoredJob:
 
 
 def _job(row: StoredJob) -> Job:
+    asked: Mapping[str, Any] = row.parameters
     return Job(
         id=row.id,
         kind=row.kind,
@@ -202,6 +207,7 @@ def _job(row: StoredJob) -> Job:
         worker=row.worker,
         result=row.result,
         error=row.error,
+        about=asked["axis"]["name"] if asked.get("axis") else asked.get("about", asked.get("name")),
     )
 
 

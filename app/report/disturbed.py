@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from app.report.formatting import WORDS, term
 from app.report.svg import Stretch
 from signals.recording_quality.disturbances import Survey, flags
 
@@ -13,14 +14,6 @@ RETURNING = ("handling", "wind", "foreign_sound", "second_machine")
 """What may come more than once between its beginning and its end."""
 ONCE = frozenset(name.replace("_", " ") for name in ("knock", *RETURNING))
 """In words: what one cycle of the motion has and the others have not."""
-REMEDIES = {
-    "bump": "Put the microphone down and do not touch it while it records.",
-    "handling": "Put the microphone down and do not touch it while it records.",
-    "wind": "Keep the microphone out of the draught, or cover it with foam.",
-    "foreign_sound": "Record while nobody speaks and nothing else works nearby.",
-    "second_machine": "Stop what strikes beside the axis while you record.",
-}
-"""What to do about disturbances whose sentence does not say so itself."""
 
 
 @dataclass(frozen=True)
@@ -43,20 +36,15 @@ def flags_of(quality: Sequence[Mapping[str, Any]], duration_s: float) -> tuple[F
     """Return the quality flags of a document, what weighs most first."""
     found = [
         Flag(
-            words_of(flag["name"]),
+            term(flag["name"], "quality"),
             when(flag["start_s"], flag["end_s"], duration_s, flag["name"] in RETURNING),
             flag["severity"],
             flag["reason"],
-            REMEDIES.get(flag["name"], "") if flag["severity"] == "poor" else "",
+            WORDS["remedies"].get(flag["name"], "") if flag["severity"] == "poor" else "",
         )
         for flag in quality
     ]
     return tuple(sorted(found, key=lambda flag: flag.severity == "note"))
-
-
-def words_of(name: str) -> str:
-    """Return the name of a quality flag in words."""
-    return "knock" if name == "bump" else name.replace("_", " ")
 
 
 def when(start_s: float | None, end_s: float | None, duration_s: float, returns: bool = False) -> str:
@@ -105,7 +93,7 @@ def stretches(surveyed: Survey) -> tuple[Stretch, ...]:
     names: dict[float, list[str]] = {}
     for flag in flags(surveyed):
         if flag.start_s is not None and flag.name not in ("silence", "pause"):
-            names.setdefault(round(flag.start_s, 3), []).append(words_of(flag.name))
+            names.setdefault(round(flag.start_s, 3), []).append(term(flag.name, "quality"))
     events = () if surveyed.analysis.unrepeated is None else surveyed.analysis.unrepeated.events
     found = [
         Stretch(each.span.start_s + from_s, each.span.end_s + from_s, ", ".join(names.get(at, ())))

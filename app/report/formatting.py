@@ -1,6 +1,7 @@
 """How numbers, times and labels are written, and the templates that use it."""
 
 import re
+import tomllib
 from collections.abc import Mapping
 from datetime import datetime
 from functools import lru_cache
@@ -20,8 +21,9 @@ STATIC = FOLDER / "static"
 MINUS, NO_BREAK = "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
 RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 SQUARE = re.compile(r"(?<=[a-z])2\b")
-NAMES = {"normal": "no fault", "notch": "tooth damage", "play": "backlash"}
-"""Labels that people call otherwise."""
+WORDS: dict[str, dict[str, str]] = tomllib.loads((Path(__file__).parent / "english.toml").read_text("utf-8"))
+"""The words for what the interface for programs calls otherwise, by what they are of."""
+NAMES = WORDS["labels"]
 LABEL = re.compile(rf"(?<![\w/])({'|'.join(NAMES)})(?![\w/])")
 LONGEST = 7
 """From this power of ten on a number is written with one."""
@@ -86,6 +88,15 @@ def name_of(label: str | None) -> str:
     return NAMES.get(label or "", (label or "unknown").replace("_", " "))
 
 
+def term(name: str, of: str) -> str:
+    """Return what something is called on pages.
+
+    >>> term("bump", "quality"), term("foreign_sound", "quality")
+    ('knock', 'foreign sound')
+    """
+    return WORDS[of].get(name, name.replace("_", " "))
+
+
 @lru_cache(maxsize=256)
 def label_badge(label: str | None) -> Markup:
     """Write a label with its shape."""
@@ -107,6 +118,15 @@ def origin_badge(origin: str) -> Markup:
     return Markup('<span class="badge {}">{}</span>').format(origin, origin)
 
 
+def reason(error: str) -> str:
+    """Return why a job failed as a sentence, without the number of the part that failed.
+
+    >>> reason("task 0: there is no channel 5")
+    'There is no channel 5.'
+    """
+    return sentence(re.sub(r"^task \d+: ", "", error))
+
+
 def person(actor: str) -> str:
     """Return the name of who did something, without the ending by which the audit tells keys of one name apart.
 
@@ -116,12 +136,19 @@ def person(actor: str) -> str:
     return actor.rsplit("#", 1)[0]
 
 
-def changes(document: Mapping[str, object]) -> str:
-    """Write what an audit entry holds as words."""
-    entries = [
-        f"{name.replace('_', ' ')}: {value}" for name, value in document.items() if value not in (None, "", {}, [])
-    ]
-    return "; ".join(entries) or "–"
+def changes(after: Mapping[str, object], before: Mapping[str, object]) -> str:
+    """Write what an audit entry changed as words.
+
+    >>> changes({"label": "notch", "file_sha256": "00"}, {"label": "normal"})
+    'label: tooth damage, before: no fault'
+    """
+    changed = [one for one in {**before, **after} if term(one, "fields") and after.get(one) != before.get(one)]
+    sides = [(term(one, "fields"), *(_value(one, each.get(one)) for each in (after, before))) for one in changed]
+    return "; ".join(f"{name}: {', before: '.join(filter(None, (new, old)))}" for name, new, old in sides) or "–"
+
+
+def _value(field: str, value: object) -> str:
+    return term(str(value), f"{field}s") if f"{field}s" in WORDS and value else str(value or "")
 
 
 def instant(value: datetime | None, zone: str) -> Markup:
@@ -142,7 +169,9 @@ def _environment() -> Environment:
     )
     environment.filters.update(
         changes=changes,
+        term=term,
         person=person,
+        reason=reason,
         angle=angle,
         feature_words=feature_words,
         named=named,

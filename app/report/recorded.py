@@ -100,7 +100,7 @@ def chart_of(
     if name == "fold":
         folded = charts.fold_charts(analysis)
         if folded is None:
-            raise NotFound("No period of the motion was given or heard, so strokes cannot be laid over each other.")
+            raise NotFound("No period of the motion was given or heard, so there is no average stroke.")
         return folded[0]
     speed = row.speed_rad_s
     if name == "orders" and not speed:

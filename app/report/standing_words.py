@@ -1,24 +1,19 @@
 """The state of a gearbox in the words of whoever runs the shift."""
 
+from collections.abc import Mapping
 from datetime import datetime
+from typing import Any
 from zoneinfo import ZoneInfo
 
 from markupsafe import Markup
 
-from app.report.formatting import NO_BREAK, name_of, shape
-from app.report.words import CHECKS, one_of
+from app.report.formatting import NO_BREAK, name_of, shape, term
+from app.report.words import ALIKE, CHECKS, REPAIR, SOON, checks_of, in_short, is_compared, one_of, sure_of, verdict_of
 from casebase.gearbox_state import NamedFault, Reason, Standing, State
 from casebase.reasoning.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
 
 SHAPES = {State.FAULT_LIKELY: "notch", State.WATCH: "play", State.GOOD: "normal"}
 """The label whose shape and colour a state shares; the others have those of what is unknown."""
-WORDS = {
-    State.FAULT_LIKELY: "Fault likely",
-    State.WATCH: "Watch",
-    State.NOT_HEARD: "Not heard",
-    State.CANNOT_SAY: "Cannot say",
-    State.GOOD: "Good",
-}
 RISEN = {
     "notch_bump": ("impacts in one direction of the motion have", "notch"),
     "play_bump": ("impacts at the reversal of the motion have", "play"),
@@ -32,26 +27,18 @@ NOT_NAMED = {
     "know, or a disturbance.",
 }
 RECORD = "Record it, in its usual motion and with its usual payload, and diagnose the recording."
-ALIKE = "in the same motion, with the same payload and the microphone at the same place."
-SOON, TODAY = f"Record it again soon, {ALIKE}", f"Record it today, {ALIKE}"
-AGAIN = "Record it again; if the answer is the same, have it inspected."
 NEITHER = "If it was neither, record it again soon, and have it inspected if it sounds the same."
-AS_SAID = "Do what the page of its newest recording says."
-ONE_STEP = {
-    Reason.NOT_DIAGNOSED: "Diagnose its newest recording.",
-    Reason.SILENT: TODAY,
-    Reason.UNUSABLE: "Record it again, as the page of its newest recording says.",
-    Reason.UNDECIDED: AGAIN,
-}
+ONE_STEP = {Reason.NOT_DIAGNOSED: "Diagnose its newest recording.", Reason.SILENT: f"Record it today, {ALIKE}."}
+Document = Mapping[str, Any]
 
 
 def state_words(standing: Standing | None, now: datetime) -> str:
     """Return the state in a few words."""
     if standing is None:
-        return WORDS[State.CANNOT_SAY]
+        return term(State.CANNOT_SAY, "gearboxes")
     if standing.state is State.NOT_HEARD and standing.since is not None:
         return f"Not heard for {(now - standing.since).days} days"
-    return WORDS[standing.state]
+    return term(standing.state, "gearboxes")
 
 
 def state_badge(standing: Standing | None, now: datetime) -> Markup:
@@ -66,11 +53,11 @@ def risen(trend: Trend) -> tuple[str, str | None]:
     return next(told for beginning, told in RISEN.items() if name.startswith(beginning))
 
 
-def why(standing: Standing | None, zone: str, said: str | None = None) -> str:
+def why(standing: Standing | None, zone: str, document: Document | None = None) -> str:
     """Say shortly why a gearbox is in its state.
 
     Args:
-        said: how sure the diagnosis is that names a fault, or what the one says that names nothing, in words.
+        document: the diagnosis of the recording that shows it.
     """
     if standing is None or standing.last is None:
         put_in = None if standing is None else standing.since
@@ -78,10 +65,11 @@ def why(standing: Standing | None, zone: str, said: str | None = None) -> str:
     name = name_of(standing.recording.label if standing.recording else None)
     on = day(standing.since, zone)
     match standing.reason:
-        case Reason.NAMED if said and standing.recording and standing.recording.left:
-            return said
+        case Reason.NAMED | Reason.UNDECIDED | Reason.UNLIKE if document and _is_open(document):
+            return in_short(document)
         case Reason.NAMED:
-            return f"The newest recording sounds like {name}.{f' How sure: {said}.' if said else ''}"
+            sure = sure_of(document) if document else ""
+            return f"The newest recording sounds like {name}.{f' How sure: {sure}.' if sure else ''}"
         case Reason.FOUND:
             return f"A person says that it has {name}."
         case Reason.CHANGED if standing.trend is not None:
@@ -96,7 +84,7 @@ def why(standing: Standing | None, zone: str, said: str | None = None) -> str:
         case Reason.SILENT:
             return f"Its last recording is of {on}: nothing is known of it since."
         case Reason.UNDECIDED | Reason.UNLIKE:
-            return said or NOT_NAMED[standing.reason]
+            return NOT_NAMED[standing.reason]
         case Reason.UNUSABLE:
             return "Its recordings are too poor to be compared."
         case Reason.NOT_DIAGNOSED:
@@ -104,6 +92,11 @@ def why(standing: Standing | None, zone: str, said: str | None = None) -> str:
         case _:
             outweighed = f" {named_words(standing.fault, zone)}" if standing.fault else ""
             return f"The newest recording sounds like a good gearbox, and its trend shows no change.{outweighed}"
+
+
+def _is_open(document: Document) -> bool:
+    """Whether a diagnosis that names nothing has more to say than that its sound is like no known one."""
+    return document["verdict"] == "ambiguous" or not (document["verdict"] == "diagnosed" or is_compared(document))
 
 
 def named_words(fault: NamedFault, zone: str) -> str:
@@ -124,21 +117,23 @@ def earlier_words(fault: NamedFault, zone: str) -> str:
     )
 
 
-def next_steps(standing: Standing | None, said: str | None = None) -> tuple[str, ...]:
-    """Say what is to be done now, in order.
-
-    Args:
-        said: see `why`; of a recording that sounds like no known case only where it could not be compared.
-    """
+def next_steps(standing: Standing | None, document: Document | None = None) -> tuple[str, ...]:
+    """Say what is to be done now, in order, with its time and place as far as the diagnosis that shows it has them."""
     if standing is None or standing.last is None:
         return (RECORD,)
-    label = standing.recording.label if standing.recording else None
+    label = (standing.recording.label if standing.recording else None) or ""
     match standing.reason:
-        case Reason.NAMED | Reason.FOUND:
-            return CHECKS.get(label or "", ("Have the gearbox inspected at its next stop.", SOON))
+        case Reason.NAMED | Reason.UNDECIDED | Reason.UNLIKE | Reason.UNUSABLE if (
+            document and document["verdict"] != "diagnosed"
+        ):
+            return verdict_of(document).checks
+        case Reason.NAMED:
+            return checks_of(document, label)
+        case Reason.FOUND:
+            return (REPAIR, *checks_of(document, label))
         case Reason.CHANGED if standing.trend is not None:
             sign = risen(standing.trend)[1] or ""
-            return (SOON, CHECKS.get(sign, ("Have it inspected if it keeps on rising.",))[0])
+            return (SOON, checks_of(document, sign)[0] if sign else "Have it inspected if it keeps on rising.")
         case Reason.AT_ONCE:
             return ("Say on its page what happened: an exchange, or a moved microphone.", NEITHER)
         case Reason.NAMED_BEFORE:
@@ -147,49 +142,14 @@ def next_steps(standing: Standing | None, said: str | None = None) -> tuple[str,
                 f"Record it again: after {wanted} more that sound{'s' if wanted == 1 else ''} good it counts as good."
             )
             return (
-                *CHECKS.get(label or "", ())[:1],
+                *checks_of(document, label)[:1],
                 *((good,) if wanted else ()),
                 "Reject that diagnosis if nothing is found, or note the repair or the exchange.",
-            )
-        case Reason.UNLIKE if said:
-            return (AS_SAID,)
-        case Reason.UNLIKE:
-            return (
-                "Record it again; if it sounds the same, have it inspected.",
-                "Keep the recording as a case of what was found.",
-                "If it is good, keep the recording as a case of the label normal.",
             )
         case Reason.SOUNDS_GOOD:
             return CHECKS["normal"]
         case reason:
             return (ONE_STEP.get(reason, SOON),)
-
-
-def since_words(standing: Standing, zone: str) -> str:
-    """Say of what a day is since when a gearbox has been in its state; nothing where it is in none since a day."""
-    if standing.since is None:
-        return ""
-    on, trend = day(standing.since, zone), standing.trend
-    match standing.state:
-        case State.FAULT_LIKELY:
-            changed = (
-                f"; its sound began to change about {day(trend.began.at, zone)}"
-                if trend and trend.changed and trend.at_once is None
-                else ""
-            )
-            fault = standing.fault
-            good = f"; {fault.good} of its recordings since sounded good" if fault and fault.good else ""
-            return f"Called likely since {on}{good}{changed}."
-        case State.WATCH if standing.reason is Reason.CHANGED:
-            return f"Its sound began to change about {on}."
-        case State.WATCH if standing.reason is Reason.AT_ONCE:
-            return f"Its sound changed about {on}."
-        case State.WATCH:
-            return f"First named on {on}."
-        case State.NOT_HEARD:
-            return f"Last heard on {on}."
-        case _:
-            return f"In this state since {on}."
 
 
 def trend_words(trend: Trend | None, zone: str) -> str:

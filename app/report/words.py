@@ -6,12 +6,11 @@ from typing import Any
 
 from markupsafe import Markup
 
-from app.report.formatting import name_of, percent, person, quantity, sentence
+from app.report.formatting import WORDS, name_of, percent, person, quantity, sentence
 from app.report.svg import sign_of
 from casebase.labels import BASELINES
 from casebase.reasoning.diagnosis import DIAGNOSED_FROM, EXCLUDED_BELOW
 from casebase.store.models import StoredDiagnosis
-from signals.features import feature_words
 from sim.investigation.report.comparison import Row
 from sim.investigation.report.formatting import angle, likely, named
 from sim.mechanisms.mechanism import SECURED
@@ -42,23 +41,20 @@ TOO_SHORT = ("too_short", "the recording covers less than")
 """A quality flag or a remark that begins so says that the recording is too short."""
 EMPTY = "the library has no case to compare with"
 ONE_LABEL, TOO_FEW = "the library knows one label alone", "too few gearboxes of"
-VERDICTS = {
-    "diagnosed": "Diagnosed",
-    "ambiguous": "Undecided",
-    "not_in_library": "Not in the library",
-    "unusable": "Unusable",
-}
+VERDICTS = WORDS["verdicts"]
 """The one word of the pages for each verdict of a document."""
 NOT_COMPARED = "no regular motion is found"
 """A remark that begins so says why there is no label, and stands first."""
 UNLIKE = "the nearest cases are "
 RECORD_AGAIN = (
-    "Record again for 20 s or more and three cycles of the motion or more, with the microphone at the gearbox, and "
-    "avoid what is marked poor above."
+    "Record it again for 20 s or more and three cycles of the motion or more, with the microphone at the gearbox."
 )
-OTHER_CHECKS = ("Compare with the nearest cases below, then inspect the place that they name.",)
+REPAIR = "Plan its repair or exchange, and note it on the page of the gearbox when it is done."
+ALIKE = "in the same motion, with the same payload and the microphone at the same place"
+SOON = f"Record it again soon, {ALIKE}."
+OTHER_CHECKS = ("Have the gearbox inspected at its next stop.", SOON)
 UNKNOWN_CHECKS = (
-    "Record the axis again to rule out a disturbance.",
+    f"Record it again, {ALIKE}, to rule out a disturbance.",
     "If the sound is the same, have the gearbox inspected, and add what was found as a case with its label.",
 )
 EMPTY_CHECKS = ("Add recordings of which it is known what they are, or have cases simulated; then diagnose it again.",)
@@ -177,7 +173,8 @@ def sure_of(document: Mapping[str, Any]) -> str:
     label = document["label"]
     if document["verdict"] == "diagnosed" and (fault is None or label in BASELINES):
         return sure[0]
-    first = [] if fault is None else [f"a fault {_written(document, fault)}"]
+    more = fault is not None and label not in BASELINES and fault > document["probability"]
+    first = [f"a fault {_written(document, fault)}"] if more else []
     return ", ".join((*first, f"{name_of(label)} {sure[0]}"))
 
 
@@ -281,7 +278,7 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
     headline = "No fault indicated" if good else f"Fault likely: {present}"
     sure = f"{_sure(document)}{limits_of(document) if good else _size(document)}".strip()
     rest = f"{_left(document)}{_support(document)}"
-    return Verdict(headline, sure, label, _checks(document, label), why=why(document), rest=rest)
+    return Verdict(headline, sure, label, checks_of(document, label), why=why(document, [label]), rest=rest)
 
 
 def judged(verdict: Verdict, row: StoredDiagnosis) -> Verdict:
@@ -290,22 +287,21 @@ def judged(verdict: Verdict, row: StoredDiagnosis) -> Verdict:
         return verdict
     label, by = None if row.state == "rejected" else row.revised_label or row.label, person(row.revised_by or "")
     name = "" if label is None else f"{name_of(label)}, "
-    headline, checks = f"{name}{row.state} by {by}", UNKNOWN_CHECKS if label is None else _checks(row.document, label)
+    checks = UNKNOWN_CHECKS if label is None else checks_of(row.document, label)
+    headline = f"{name}{row.state} by {by}"
+    checks = checks if label in (None, *BASELINES) else (REPAIR, *checks)
     sure = f"The library: {verdict.headline}. {verdict.sure}"
     return replace(verdict, headline=f"{headline[:1].upper()}{headline[1:]}", sure=sure, label=label, checks=checks)
 
 
-def why(document: Mapping[str, Any]) -> str:
-    """Say in one sentence what speaks most for the label of a diagnosis; empty where nothing was found."""
+def why(document: Mapping[str, Any], labels: Sequence[str]) -> str:
+    """Say in one sentence what speaks most for these labels of a diagnosis."""
     if time_in_cycle(document, document["label"]):
         where = "in one direction alone" if document["label"] == "notch" else "around its reversals"
         return f"An impact comes in every cycle of the motion, {where}."
-    compared = [item for item in document.get("evidence", ()) if item["kind"] == "feature"]
-    if not compared:
+    if not labels:
         return ""
-    item = max(compared, key=lambda each: float(each["share"]))
-    sides = " and ".join(f"{value} {words}" for words, value in sides_of(item))
-    return sentence(f"{feature_words(item['quantity'])}: {quantity(item['value'], item['unit'])} here, {sides}")
+    return f"Of all known cases it sounds most like those of {' and of '.join(map(name_of, labels))}."
 
 
 def sides_of(item: Mapping[str, Any]) -> Iterator[tuple[str, Markup]]:
@@ -333,16 +329,22 @@ def time_in_cycle(document: Mapping[str, Any], label: str | None) -> str:
     return f"{quantity(at_s, 's')} after the first reversal (one cycle is {quantity(period_s, 's')})"
 
 
-def _checks(document: Mapping[str, Any], label: str) -> tuple[str, ...]:
-    place = time_in_cycle(document, label) or PLACE
-    return tuple(check.replace(PLACE, place) for check in CHECKS.get(label, OTHER_CHECKS))
+def checks_of(document: Mapping[str, Any] | None, label: str) -> tuple[str, ...]:
+    """Return what a label asks for, with the time at which its impact comes where a diagnosis found that."""
+    place = time_in_cycle(document, label) if document else ""
+    return tuple(check.replace(PLACE, place or PLACE) for check in CHECKS.get(label, OTHER_CHECKS))
+
+
+def _again(document: Mapping[str, Any]) -> tuple[str, ...]:
+    poor = [WORDS["remedies"].get(flag["name"]) for flag in document["quality"] if flag["severity"] == "poor"]
+    return (RECORD_AGAIN, *dict.fromkeys(filter(None, poor)))
 
 
 def _unusable(document: Mapping[str, Any]) -> Verdict:
     remarks = tuple(document["remarks"])
     reason = "; ".join(remarks or ["no reason was given"])
     headline = "Unusable: too short" if too_short(document) else "Unusable: the recording cannot be compared"
-    checks = (RECORD_AGAIN,) if is_poor(document) or too_short(document) else ("Record again.",)
+    checks = _again(document) if is_poor(document) or too_short(document) else (f"Record it again, {ALIKE}.",)
     return Verdict(headline, sentence(reason), None, checks, remarks)
 
 
@@ -363,7 +365,7 @@ def _not_in_library(document: Mapping[str, Any]) -> Verdict:
         headline = f"Not in the library, but the recording is {limit}"
     elif why:
         headline = f"Not in the library: {why[0].partition(',')[0]}"
-    return Verdict(headline, summary, None, (RECORD_AGAIN,) if limit or why else UNKNOWN_CHECKS, told)
+    return Verdict(headline, summary, None, _again(document) if limit or why else UNKNOWN_CHECKS, told)
 
 
 def _undecided(document: Mapping[str, Any]) -> Verdict:
@@ -375,7 +377,7 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
     left = "" if _knows_one_label(document) else _left(document)
     sure = f"{''.join(f'{sentence(one)} ' for one in reasons)}{border}".strip()
     # what tells two faults apart is what each asks for first; that nothing is to be done cannot be said yet
-    faults = [_checks(document, label) for label in likely if label != "normal"]
+    faults = [checks_of(document, label) for label in likely if label != "normal"]
     asked = [check for checks in faults for check in (checks if len(faults) == 1 else checks[:1])]
     headline = f"Undecided: {names}"
     if limit:
@@ -384,9 +386,9 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
         headline = f"Fault likely, undecided which: {names}"
     elif _knows_one_label(document):
         headline = f"Undecided: the library knows one label alone, {names}"
-    checks = (RECORD_AGAIN,) if limit else tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *asked)))
+    checks = _again(document) if limit else tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *asked)))
     label, rest = likely[0] if found and not limit else None, f"{left}{_support(document)}"
-    return Verdict(headline, sure, label, checks, (*reasons, *told), why(document), rest)
+    return Verdict(headline, sure, label, checks, (*reasons, *told), why(document, likely), rest)
 
 
 def is_compared(document: Mapping[str, Any]) -> bool:
@@ -442,9 +444,7 @@ def limits_of(document: Mapping[str, Any]) -> str:
 
 def _size(document: Mapping[str, Any]) -> str:
     found = size_of(document)
-    return (
-        f"About {found[1]} {SIZES[document['severity']['parameter']][1]} (90 % interval {found[2]}). " if found else ""
-    )
+    return f"About {found[1]} {SIZES[document['severity']['parameter']][1]}. " if found else ""
 
 
 def _support(document: Mapping[str, Any]) -> str:

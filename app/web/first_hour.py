@@ -115,6 +115,17 @@ class Hour:
         return self.job is not None and self.job.state in ("queued", "running")
 
     @property
+    def poor(self) -> int:
+        """How many of the newest recordings that were kept are poor."""
+        flags = [one.recording.quality for one in self.taken if one.label]
+        return sum(any(isinstance(flag, Mapping) and flag.get("severity") == "poor" for flag in of) for of in flags)
+
+    @property
+    def does_well(self) -> bool:
+        """Whether its recordings are named rightly more often than not, beyond chance."""
+        return _total(self.answers(MEASURED)).interval[0] > 0.5
+
+    @property
     def is_asked(self) -> bool:
         """Whether it is being worked out how well the library does."""
         return self.evaluation is None and bool(self.known.measured or self.known.simulated)
@@ -136,9 +147,9 @@ class Hour:
         """The four steps in their order."""
         return (
             Step("describe", "Describe the axis", self.axis is not None, described(self.axis)),
-            Step("record", "Record its gearbox", self.known.measured > 0, recorded(self)),
+            Step("record", "Record its gearbox", self.known.measured > self.poor, recorded(self)),
             Step("simulate", "Simulate its cases", self.is_simulated, simulated(self)),
-            Step("how-well", "How well does it do?", bool(self.known.measured and self.evaluation), how_well(self)),
+            Step("how-well", "How well does it do?", self.does_well, how_well(self)),
         )
 
     @property
@@ -153,7 +164,9 @@ class Hour:
         if not self.is_simulated and self.offered:
             return Advice("Simulate its cases.", "It has none of faults that you could not record yet.", "#simulate")
         if self.is_asked and self.is_simulated:
-            return Advice("Wait for the fourth step.", "It is being worked out, and the page goes on by itself.")
+            return Advice(
+                "Wait for step 4, how well it does.", "It is being worked out, and the page goes on by itself."
+            )
         return next(iter(self.advice), None)
 
     @property
@@ -174,27 +187,6 @@ def obstacles(row: AxisRevision | None) -> Mapping[str, str | None]:
 def axis_cases(service: Service, session: Session) -> Mapping[str | None, Mapping[str, LabelCases]]:
     """Return the cases of every axis by label, counted once for every version of the library."""
     return service.counted(session, "cases of axes", lambda: cases_of_axes(session))
-
-
-def known_of_axis(cases: Mapping[str, LabelCases]) -> str:
-    """Say what the library knows of an axis: of each label the measured cases, else the simulated ones.
-
-    >>> measured = LabelCases(measured=8, gearboxes=frozenset({"g1", "g2"}))
-    >>> known_of_axis({"normal": measured, "notch": LabelCases(simulated=20)})
-    'Of this axis the library has: no fault, 8 measured of 2 gearboxes; tooth damage, 20 simulated.'
-    >>> known_of_axis({})
-    'The library has no case of this axis, at most of others.'
-    """
-    known = [
-        f"{name_of(label)}, {each.measured} measured of {_units(each.gearboxes)}"
-        if each.measured
-        else f"{name_of(label)}, {each.simulated} simulated"
-        for label, each in cases.items()
-        if each.measured or each.simulated
-    ]
-    if not known:
-        return "The library has no case of this axis, at most of others."
-    return f"Of this axis the library has: {'; '.join(known)}."
 
 
 def _units(gearboxes: Collection[str]) -> str:
@@ -270,10 +262,12 @@ def _share(answers: Sequence[Answers]) -> str:
 
 def _of_cases(hour: Hour) -> Iterator[Advice]:
     """What description and recordings lack."""
-    blocked = {label: why for label, why in hour.obstacles.items() if why is not None}
-    if blocked:
-        words = f"so that cases of {listed(list(blocked))} can be simulated."
-        yield Advice(f"Complete the description, {words}", sentence(next(iter(blocked.values()))), "#describe")
+    if hour.poor:
+        yield Advice(
+            f"Record again, as the check says, what is poor of the newest: {counted(hour.poor, 'recording')}.",
+            "A poor recording adds its disturbance to the library.",
+            "#record",
+        )
     good = sum(each.measured for label, each in hour.cases.items() if label in BASELINES)
     units = sorted(hour.known.gearboxes)
     if good < ENOUGH:
@@ -284,14 +278,10 @@ def _of_cases(hour: Hour) -> Iterator[Advice]:
             "be.",
             "#record",
         )
-    flags = [one.recording.quality for one in hour.taken if one.label]
-    poor = sum(any(isinstance(flag, Mapping) and flag.get("severity") == "poor" for flag in of) for of in flags)
-    if poor:
-        yield Advice(
-            f"Record again, as the check says, what is poor of the newest: {counted(poor, 'recording')}.",
-            "A poor recording teaches the library the disturbance as well.",
-            "#record",
-        )
+    blocked = {name_of(label): why for label, why in hour.obstacles.items() if why is not None}
+    if blocked:
+        words = f"so that cases of {listed(list(blocked))} can be simulated."
+        yield Advice(f"Complete the description, {words}", sentence(next(iter(blocked.values()))), "#describe")
     if hour.known.measured and len(units) < CALIBRATED_FROM:
         calibrated = " Until the library knows two, it is not calibrated how sure an answer is."
         yield Advice(
@@ -307,7 +297,7 @@ def _of_answers(hour: Hour) -> Iterator[Advice]:
     for each in hour.answers(MEASURED):
         if each.wrong:
             yield Advice(
-                f"Look at {counted(len(each.wrong), 'case')} of {each.label} that it names otherwise.",
+                f"Look at {counted(len(each.wrong), 'case')} of {name_of(each.label)} that it names otherwise.",
                 "The label is wrong, the recording is poor, or the library knows too little of this sound.",
                 f"/cases/{each.wrong[0]}",
                 "The first of them" if len(each.wrong) > 1 else "The case",
@@ -315,7 +305,7 @@ def _of_answers(hour: Hour) -> Iterator[Advice]:
         unnamed = each.undecided + each.unlike
         if unnamed and each.of >= ENOUGH:
             yield Advice(
-                f"Record {each.label} of another gearbox, in the same motion.",
+                f"Record {name_of(each.label)} of another gearbox, in the same motion.",
                 f"With their gearbox left out, {unnamed} of {each.of} get no name.",
                 "#record",
             )

@@ -18,7 +18,7 @@ from app.http.errors import Forbidden, Unprocessable
 from app.http.security import Principal, Role
 from app.http.uploads import Upload
 from app.recordings.intake import Intake, RecordingMetadata, read_metadata, take_in
-from app.report.formatting import NAMES, name_of
+from app.report.formatting import NAMES, WORDS, name_of
 from app.service import Service, TheService
 from casebase.axes import list_axes
 from casebase.gearboxes import signatures
@@ -47,12 +47,7 @@ STANDARDS = (
         ),
     ),
 )
-VERIFICATIONS: dict[str, str] = {
-    "opened": "opened and seen",
-    "measured": "measured",
-    "heard": "by ear only",
-    "unverified": "not verified",
-}
+VERIFICATIONS = WORDS["verifications"]
 """The words of the pages for how a label was verified, the surest first."""
 NUMBERS = {"speed_rad_s": "The largest speed of the output [rad/s]", "payload_kg_m2": "The payload [kg m²]"}
 LARGEST_NUMBER = 2**31 - 1

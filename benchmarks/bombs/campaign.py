@@ -157,21 +157,25 @@ class Campaign:
         with self.server.client(name) as client, self.server.client(None) as browser:
             sign_in(browser, made["key"])
             while not done.is_set():
-                kind = str(random.choice(("diagnosis", "case", "page", "spectrogram"), p=(0.3, 0.1, 0.55, 0.05)))
+                kind = what = str(random.choice(("diagnosis", "case", "page", "spectrogram"), p=(0.3, 0.1, 0.55, 0.05)))
                 began = time.monotonic()
-                if kind == "page":
-                    page = pages[random.integers(len(pages))].format(known["id"])
-                    answer = browser.get(page, headers={"Accept": "text/html"})
-                elif kind == "spectrogram":  # no two alike: none is cached
-                    recording, columns = known["recording"]["id"], random.integers(10, 2000)
-                    answer = client.get(f"{API}/recordings/{recording}/spectrogram?columns={columns}")
-                else:
-                    about = {"gearbox": f"g{random.integers(5)}", **({"label": "normal"} if kind == "case" else {})}
-                    sent = {**files(int(random.integers(1 << 30))), "metadata": (None, json.dumps(about))}
-                    answer = client.post(f"{API}/{'cases' if kind == 'case' else 'diagnoses'}", files=sent)
-                    known = answer.json() if answer.is_success and kind == "diagnosis" else known
+                try:
+                    if kind == "page":
+                        what = pages[random.integers(len(pages))]
+                        answer = browser.get(what.format(known["id"]), headers={"Accept": "text/html"})
+                    elif kind == "spectrogram":  # no two alike: none is cached
+                        recording, columns = known["recording"]["id"], random.integers(10, 2000)
+                        answer = client.get(f"{API}/recordings/{recording}/spectrogram?columns={columns}")
+                    else:
+                        about = {"gearbox": f"g{random.integers(5)}", **({"label": "normal"} if kind == "case" else {})}
+                        sent = {**files(int(random.integers(1 << 30))), "metadata": (None, json.dumps(about))}
+                        answer = client.post(f"{API}/{'cases' if kind == 'case' else 'diagnoses'}", files=sent)
+                except httpx.TransportError as error:
+                    self.tally.faults.append(f"{kind}: {error!r}")
+                    continue
+                known = answer.json() if answer.is_success and kind == "diagnosis" else known
                 self.tally.answers[kind, answer.status_code] += 1
-                self.tally.seconds[kind].append(time.monotonic() - began)
+                self.tally.seconds[what].append(time.monotonic() - began)
                 if answer.status_code == 503 and "retry-after" in answer.headers:
                     done.wait(float(answer.headers["retry-after"]))
                 elif not answer.is_success:

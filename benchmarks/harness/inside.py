@@ -98,7 +98,7 @@ class ListedJobs:
     def order(
         self, _: object, kind: str, __: object, *, job_id: str | None = None, submitted_by: str | None = None
     ) -> Job:
-        job = Job(job_id or new_id(), kind, "queued", Progress(), now(), None, submitted_by, None, None, None)
+        job = Job(job_id or new_id(), kind, "queued", Progress(), now(), None, submitted_by, None, None, None, None)
         self.jobs.insert(0, job)
         return job
 

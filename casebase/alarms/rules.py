@@ -61,7 +61,7 @@ class Condition:
 
 
 def add_rule(session: Session, name: str, condition: Condition, receivers: Sequence[str]) -> AlarmRule:
-    """Make a rule; what holds already is told when all gearboxes are looked at next.
+    """Make a rule; where it holds already is found when all gearboxes are looked at next.
 
     Raises:
         InvalidRequestError: if it has no receiver, or one that is not there.

@@ -38,8 +38,8 @@ NOT_ITS_TORQUE = (
     "wrong. The other joints were examined without it."
 )
 DEAD = "motor_torque_nm: has the same value in all rows. The other joints were examined without it."
-HELD = "The joint was held still: nothing is told of its friction and its drive."
-BRIEFLY = "The joint moved too briefly: nothing is told of its friction and its drive."
+HELD = "The joint was held still: its friction and its drive are not known."
+BRIEFLY = "The joint moved too briefly: its friction and its drive are not known."
 
 
 def investigate_robot(
@@ -327,9 +327,7 @@ def _next_measurement(joints: Sequence[JointInvestigation], shared: SharedFit) -
     if unsure:
         return f"{unsure[0].name}: {unsure[0].investigation.next_measurement}"
     if 0.05 < shared.payload.probability < 0.9:
-        return (
-            "Record the same motion once with nothing at the flange: then what hangs there is told by the difference."
-        )
+        return "Record the same motion once with nothing at the flange: the difference is what hangs there."
     for joint in joints:
         if joint.investigation.unexplained is not None:
             return f"{joint.name}: {measurement_of_the_rest(joint.investigation.unexplained)}"

@@ -103,7 +103,7 @@ def headline(result: RobotInvestigation) -> str:
         return "Something is there that no known mechanism explains."
     out = [f"Found: {', '.join(words)}." if words else "No fault was named."]
     if rests:
-        out.append(f"Something without a name is left at {', '.join(rests)}.")
+        out.append(f"Something of unknown cause is left at {', '.join(rests)}.")
     if joints:
         no_fault = ", but no fault" if words else ""
         out.append(f"Not described{no_fault}: friction at {len(joints)} joint{'s' if len(joints) > 1 else ''}.")

@@ -26,7 +26,7 @@ PAYLOAD = "payload"
 SAYS = {
     "nothing_missing": "nothing was found",
     "named": "something was found",
-    "unnamed": "something without a name",
+    "unnamed": "something of unknown cause",
     "unusable": "its torque says nothing",
 }
 """The verdict of a joint in words."""

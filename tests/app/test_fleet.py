@@ -62,6 +62,17 @@ def test_the_worst_stands_first(service: Inside) -> None:
     assert SECURED in page
 
 
+def test_the_place_of_an_impact_is_said_by_its_time(service: Inside) -> None:
+    found = {"notch_phase": 90.0, "motion_period": 4.0}
+    evidence = [{"kind": "event", "quantity": name, "value": value, "unit": "1"} for name, value in found.items()]
+    with service.service.library.transaction("test") as session:
+        keep(session, "timed", "g1", now(), {}, "notch", evidence=evidence)
+    for path in ("/fleet", "/axes/timed/gearboxes/g1"):
+        page = service.browse("GET", path).text
+        assert "1\N{NO-BREAK SPACE}s after the first reversal" in page, path
+        assert "when the impact comes" not in page, path
+
+
 def test_whoever_is_signed_in_comes_to_the_fleet(service: Inside) -> None:
     assert service.browse("GET", "/").headers["location"] == "/fleet"
 

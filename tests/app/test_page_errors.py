@@ -50,7 +50,7 @@ def jobs() -> Iterator[Job]:
 def made(kind: str, state: JobState, result: Json) -> Job:
     progress = Progress("simulating", 0.4, 2, 5, 12.0) if state == "running" else Progress(state)
     ended, error = (now() if result else None), ("task 0: motor: missing table [motor]" if state == "failed" else None)
-    return Job(new_id(), kind, state, progress, now(), ended, "test", None, result, error)
+    return Job(new_id(), kind, state, progress, now(), ended, "test", None, result, error, "bench")
 
 
 def fail(*_: object, **__: object) -> None:
@@ -71,6 +71,7 @@ def test_the_page_of_every_job_opens_in_every_state(service: Inside, kind: str, 
         assert (answer.status_code, answer.headers["content-type"]) == (200, "text/html; charset=utf-8")
         page = Markup(answer.text)
         assert state in page.text
+        assert "{" not in page.text, "what became of it is said in words"
         assert (f"/investigations/{'0' * 32}" in page.links) == (kind == "investigations" and state == "done")
         assert service.ask("GET", f"/api/v1/jobs/{job.id}").json()["result"] == job.result
     assert service.browse("GET", "/jobs").status_code == 200

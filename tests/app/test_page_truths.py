@@ -36,8 +36,8 @@ def test_a_maintenance_note_can_be_removed_and_the_log_keeps_it(service: Inside)
     assert "new grease" not in service.browse("GET", "/axes/bench").text
     assert service.browse("POST", found[0], data={}).status_code == 404
     log = service.browse("GET", "/audit").text
-    assert "mark.added" in log
-    assert "mark.removed" in log
+    assert "Maintenance noted" in log
+    assert "Maintenance note removed" in log
 
 
 def test_a_key_is_revoked_on_purpose_only(service: Inside) -> None:

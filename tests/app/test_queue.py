@@ -49,7 +49,7 @@ def test_after_a_verdict_the_next_one_opens_and_undo_brings_the_last_one_back(
     led = revise(service, first, verdict="corrected", label="play", queue="1")
     assert led.startswith(f"/diagnoses/{second}?queue=1&step=")
     page = service.browse("GET", led).text
-    assert "3.wav: corrected as play." in page
+    assert "3.wav: corrected as backlash." in page
     assert "1 of 2 to check" in page
     led = undo(service, page)
     assert led.startswith(f"/diagnoses/{first}?")
@@ -68,7 +68,7 @@ def test_after_a_verdict_the_next_one_opens_and_undo_brings_the_last_one_back(
 def test_a_new_label_that_looks_like_a_known_one_is_asked_about(service: Inside, waiting: list[str]) -> None:
     one = waiting[1]
     page = revise(service, one, verdict="corrected", label="+", another="Notches")
-    assert "Did you mean notch?" in page
+    assert "Did you mean tooth damage?" in page
     assert service.ask("GET", f"{API}/diagnoses/{one}").json()["revision"]["label"] is None
     given = dict(re.findall(r'type="hidden" name="(\w+)" value="([^"]*)"', page))
     revise(service, one, **{**given, "label": "+"})
@@ -98,7 +98,7 @@ def test_a_case_is_kept_only_if_it_is_said_how_it_was_verified_and_is_found_by_t
 
     renamed = service.browse("POST", "/library/rename", data={"old": "notch", "label": "tooth_breakage"})
     page = service.browse("GET", renamed.headers["location"]).text
-    assert "1 case labelled tooth_breakage." in page
+    assert "1 case labelled tooth breakage." in page
     undo(service, page)
     assert service.ask("GET", f"{API}/cases/{case['id']}").json()["label"] == "notch"
     undo(service, service.browse("GET", f"/diagnoses/{one}").text)

@@ -56,11 +56,12 @@ def test_the_verdict_of_a_person_is_the_headline(site: Site, said: str, headline
     with site.server.client() as client:
         files = parts("verdict.wav", sound(41, impacts=True), json.dumps({"speed_rad_s": 2.5}).encode())
         made = client.post("/api/v1/diagnoses", files=files).raise_for_status().json()
-    with browsing(site, "operator") as client:
+    with browsing(site, "admin") as client:
         form = {"csrf": csrf_token(client.cookies[COOKIE]), "verdict": said}
         assert client.post(f"/diagnoses/{made['id']}/revise", data=form).status_code == 303
         for page in (f"/diagnoses/{made['id']}", f"/diagnoses/{made['id']}/report.html"):
             text = client.get(page).raise_for_status().text
+            assert text.count("<select") - text.count('name="label"') == 1 or page.endswith(".html")
             first = text.partition("<h1")[2].partition("</h1>")[0]
             assert headline in first
             assert ("damage" in first) == (said == "confirmed")

@@ -273,7 +273,7 @@ def test_better_model_is_accepted_once(opened: Opened, site: Site) -> None:
         expect(page.get_by_role("heading", level=1)).to_have_text("Found: friction asymmetry at motor")
         cause = page.get_by_role("figure", name="Friction asymmetry at motor: torque over speed")
         expect(cause.locator("[data-ready] canvas")).to_be_visible()
-        for folded in ("Not examined", "Measurement, model and residual", "Where the residual is"):
+        for folded in ("Details", "Measurement, model and residual", "Where the residual is"):
             page.locator("summary", has_text=folded).click()
         for title in ("Motor torque: measured and simulated", "Motor torque: residual", "Motor torque by speed"):
             page.get_by_role("region", name=title).scroll_into_view_if_needed()

@@ -6,6 +6,7 @@ And for everybody: signing in with a key, and out.
 import csv
 import io
 import secrets
+from collections import Counter
 from collections.abc import Callable
 from typing import Annotated
 
@@ -17,14 +18,16 @@ from app.alarms.addresses import check_receiver
 from app.alarms.message import message_of
 from app.api.alarms import ReceiverRequest, RuleRequest
 from app.documents import KeyRequest
+from app.fleet import settle
 from app.http import keys
 from app.http.errors import Forbidden, NotAuthenticated, NotFound, Unprocessable
 from app.http.keys import Role
 from app.http.security import COOKIE, FORM_COOKIE, Principal, check_csrf, client_of, csrf_token, principal_of
 from app.http.sessions import LASTS, end_session, open_session
+from app.report.formatting import WORDS
 from app.report.words import VERDICTS
 from app.service import Reading, Service, TheJobs, TheService, service_of
-from app.web.forms import number
+from app.web.forms import choices, number
 from app.web.page import (
     ROWS,
     FromOurPage,
@@ -38,8 +41,10 @@ from app.web.page import (
     render,
     root_of,
 )
+from app.web.pages.axes import in_words
 from casebase.alarms import outbox, rules
 from casebase.store import audit
+from casebase.store.models import now
 
 router = APIRouter()
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
@@ -162,13 +167,18 @@ def alarms_page(request: Request, session: Reading, service: TheService, princip
 
 def _context(session: Reading, service: Service, made: str | None = None) -> dict[str, object]:
     settings = service.settings
-    servers = {"GEARCASE_SMTP_URL": settings.smtp_url, "GEARCASE_MQTT_URL": settings.mqtt_url}
+    servers = {"email": ("GEARCASE_SMTP_URL", settings.smtp_url), "mqtt": ("GEARCASE_MQTT_URL", settings.mqtt_url)}
     deliveries = outbox.list_deliveries(session, limit=ROWS).items
     receivers = outbox.list_receivers(session)
-    known = rules.list_rules(session)
+    known, standing = rules.list_rules(session), rules.standing(session)
+    places = {(alarm.axis, alarm.gearbox) for alarm in standing}
+    whole = [] if service.fleet_soon(session) else service.fleet.gearboxes(session, now(), settings.silent_after)
+    gearboxes = in_words(session, service, [row for row in whole if (row.axis, row.gearbox or "") in places])
     return {
         "made": made,
-        "standing": rules.standing(session),
+        "standing": standing,
+        "said": {(row.axis, row.gearbox or ""): (why, step) for row, _, why, step in gearboxes},
+        "holding": Counter(alarm.rule_id for alarm in standing),
         "rules": known,
         "rule_names": {rule.id: rule.name for rule in known},
         "receivers": receivers,
@@ -177,8 +187,9 @@ def _context(session: Reading, service: Service, made: str | None = None) -> dic
         "deliveries": [(row, message_of(row, settings.time_zone, settings.public_url).subject) for row in deliveries],
         "shown": ROWS,
         "verdicts": VERDICTS,
-        "kinds": {"email": "E-mail", "webhook": "Webhook", "mqtt": "MQTT"},
-        "missing": [name for name, url in servers.items() if url is None],
+        "kinds": WORDS["receivers"],
+        "missing": {kind: name for kind, (name, url) in servers.items() if url is None},
+        "labels": choices(label for label, _ in service.counts(session)),
     }
 
 
@@ -243,6 +254,7 @@ def create_rule(
     )
     with service.library.transaction(principal.actor) as session:
         rules.add_rule(session, asked.name, asked.condition(), asked.receivers)
+    settle(service.library, service.fleet, at_once=True)
     return lead(service, ALARMS)
 
 

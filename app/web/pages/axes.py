@@ -3,29 +3,31 @@
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
-from typing import Annotated
+from typing import Annotated, Any
 from urllib.parse import quote
 from zoneinfo import ZoneInfo
 
 import tomli_w
 from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import Response
+from markupsafe import Markup
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.axes import check_known
+from app.fleet import Gearbox
 from app.http.errors import Unprocessable
 from app.report.charts import charts_of, level_chart
-from app.report.standing_words import WORDS, day, evidence_words, next_steps, since_words, state_badge, trend_words, why
-from app.report.words import VERDICTS, in_short, is_compared, sure_of
+from app.report.formatting import term
+from app.report.standing_words import day, evidence_words, next_steps, state_badge, trend_words, why
+from app.report.words import VERDICTS
 from app.service import Reading, Service, TheService
-from app.web.first_hour import axis_cases, known_of_axis
 from app.web.page import ROWS, FromOurPage, Headlined, PageOperator, PageViewer, lead, newest, render, waiting_page
 from casebase.alarms import rules
 from casebase.axes import get_axis, is_axis, list_axes, unknown_axis
 from casebase.description import check_choice, check_name
 from casebase.errors import NotFoundError
-from casebase.gearbox_state import Reason, Standing, State, standing
+from casebase.gearbox_state import Standing, State, standing
 from casebase.gearboxes import EXCHANGE, KINDS, NOTE, History, places_of
 from casebase.labels import BASELINES
 from casebase.reasoning.trend import Trend, trend_of
@@ -68,15 +70,12 @@ def axis(request: Request, session: Reading, service: TheService, principal: Pag
     check_known(session, name)
     history = revisions.history(session, AxisRevision, name)
     marks = session.scalars(select(MaintenanceMark).where(MaintenanceMark.axis == name).order_by(MaintenanceMark.at))
-    at, zone = now(), service.settings.time_zone
-    fleet = service.fleet.gearboxes(session, at, service.settings.silent_after, name)
+    fleet = service.fleet.gearboxes(session, now(), service.settings.silent_after, name)
     context = {
         "name": name,
         "history": list(reversed(history)),
         "toml": tomli_w.dumps(dict(history[-1].document)) if history else None,
-        "gearboxes": [
-            (row, state_badge(row.standing, at), why(row.standing, zone)) for row in fleet if row.standing is not None
-        ],
+        "gearboxes": in_words(session, service, [row for row in fleet if row.standing is not None]),
         "marks": marks.all(),
         "investigations": newest(session, LISTED, StoredInvestigation.axis == name),
         "listed": LISTED,
@@ -231,9 +230,8 @@ FLEET = "/fleet"
 SHOWN = 100
 """Gearboxes on a page of the fleet: more than one reads at once."""
 LARGEST = 10**6
-SAID_OF = (Reason.NAMED, Reason.UNDECIDED, Reason.UNLIKE)
-SAID_BY = ("fault", "hypotheses", "labels", "quality", "remarks", "novelty", "recording", "provenance")
-"""Parts of a diagnosis that are needed to say in short what it says."""
+SAID_BY = ("fault", "hypotheses", "labels", "quality", "remarks", "novelty", "recording", "provenance", "evidence")
+"""Parts of a diagnosis that are needed to say in short what it says and asks for."""
 
 
 @fleet_router.get("/fleet")
@@ -251,26 +249,30 @@ def fleet(
         words = "Every gearbox with its state, the worst first."
         basis = "all recordings, once after each start of the service"
         return waiting_page(request, principal, begun, "Fleet", words, basis, section=FLEET)
-    at, zone = now(), service.settings.time_zone
-    known = [(row, row.state) for row in service.fleet.gearboxes(session, at, service.settings.silent_after)]
-    counts = Counter(here for _, here in known)
-    wanted = [row for row, here in known if state in (None, here)]
-    rows = wanted[first : first + SHOWN]
-    said, of_axes = diagnoses_said(session, [row.standing for row in rows]), axis_cases(service, session)
+    known = service.fleet.gearboxes(session, now(), service.settings.silent_after)
+    counts = Counter(row.state for row in known)
+    wanted = [row for row in known if state in (None, row.state)]
     context = {
-        "rows": [
-            (row, state_badge(row.standing, at), why(row.standing, zone, told), next_steps(row.standing, told)[0])
-            for row, told in zip(rows, said, strict=True)
-        ],
-        "known": {axis: known_of_axis(of_axes.get(axis, {}) if axis else {}) for axis in {row.axis for row in rows}},
-        "counts": [(each, WORDS[each], counts[each]) for each in State if counts[each]],
+        "rows": in_words(session, service, wanted[first : first + SHOWN]),
+        "counts": [(each, term(each, "gearboxes"), counts[each]) for each in State if counts[each]],
         "state": state,
         "first": first,
         "of": len(wanted),
         "shown": SHOWN,
-        "day": lambda value: day(value, zone),
+        "day": lambda value: day(value, service.settings.time_zone),
     }
     return render(request, "fleet.html", context, principal=principal, section=FLEET)
+
+
+def in_words(
+    session: Session, service: Service, gearboxes: Sequence[Gearbox]
+) -> list[tuple[Gearbox, Markup, str, str]]:
+    """Return each gearbox with its state, why it is in it and how sure that is, and what to do now."""
+    at, zone = now(), service.settings.time_zone
+    return [
+        (row, state_badge(row.standing, at), why(row.standing, zone, one), next_steps(row.standing, one)[0])
+        for row, one in zip(gearboxes, diagnoses_of(session, [row.standing for row in gearboxes]), strict=True)
+    ]
 
 
 @fleet_router.get("/axes/{name}/gearboxes")
@@ -317,7 +319,7 @@ def gearbox_page(
     heard = list(reversed(shown.heard))
     first = next((k + 1 for k, one in enumerate(heard) if one.recording_id == before), 0)
     page = heard[first : first + ROWS]
-    said = diagnoses_said(session, [stands])[0]
+    document = diagnoses_of(session, [stands])[0]
     context = {
         "name": name,
         "gearbox": gearbox or None,
@@ -325,9 +327,8 @@ def gearbox_page(
         "others": [one for one in found if one.number != shown.number],
         "standing": stands,
         "badge": state_badge(stands, at) if stands else None,
-        "why": why(stands, zone, said) if stands else None,
-        "since": since_words(stands, zone) if stands else "",
-        "steps": next_steps(stands, said) if stands else (),
+        "why": why(stands, zone, document) if stands else None,
+        "steps": next_steps(stands, document) if stands else (),
         "changed": trend_words(trend, zone),
         "at_once": question_of(shown, trend, zone),
         "evidence": evidence_words(trend) if trend else None,
@@ -350,24 +351,19 @@ def question_of(history: History, trend: Trend | None, zone: str) -> tuple[str, 
     return day(at_once.at, zone), f"{at_once.at.astimezone(ZoneInfo(zone)):%Y-%m-%dT%H:%M}"
 
 
-def diagnoses_said(session: Session, standings: Sequence[Standing | None]) -> list[str | None]:
-    """Return for each gearbox how sure the diagnosis is that names its fault, or what one says that names none."""
+def diagnoses_of(session: Session, standings: Sequence[Standing | None]) -> list[dict[str, Any] | None]:
+    """Return for each gearbox that is not good the parts of the diagnosis that shows it."""
     shown = [
-        one.recording.diagnosis_id if one and one.reason in SAID_OF and one.recording else None for one in standings
+        one.recording.diagnosis_id if one and one.state is not State.GOOD and one.recording else None
+        for one in standings
     ]
     ids = [each for each in shown if each]
     columns = (StoredDiagnosis.id, StoredDiagnosis.verdict, StoredDiagnosis.label, StoredDiagnosis.probability)
     parts = [StoredDiagnosis.document[name] for name in SAID_BY]  # a document is long
     rows = session.execute(select(*columns, *parts).where(StoredDiagnosis.id.in_(ids))) if ids else ()
-    told: dict[str, str] = {}
-    for identity, verdict, label, probability, *found in rows:
-        known = dict(zip(SAID_BY, found, strict=True))
-        document = {"verdict": verdict, "label": label, "probability": probability, **known}
-        if verdict == "diagnosed":
-            told[identity] = sure_of(document)
-        elif verdict == "ambiguous" or not is_compared(document):
-            told[identity] = in_short(document)
-    return [told.get(each) if each else None for each in shown]
+    names = ("verdict", "label", "probability", *SAID_BY)
+    documents = {identity: dict(zip(names, found, strict=True)) for identity, *found in rows}
+    return [documents.get(each or "") for each in shown]
 
 
 def sizes_of(session: Session, history: History) -> dict[str, dict[str, float]]:

@@ -17,13 +17,11 @@ from app.http.uploads import TheUpload
 from app.investigations import investigations_from
 from app.recordings.intake import RecordingMetadata
 from app.report.diagnosis_view import diagnosis_html, view_of
-from app.report.formatting import name_of
+from app.report.standing_words import named_words
 from app.report.words import (
     VERDICTS,
     how_sure,
     investigation_headline,
-    is_compared,
-    names_fault,
     verdict_of,
     verdict_word,
 )
@@ -60,7 +58,6 @@ from casebase.axes import find_axis
 from casebase.cycle.retain import is_undone
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
 from casebase.errors import NotFoundError
-from casebase.gearbox_state import NamedFault
 from casebase.queue import FAULT, UNDECIDED, UNKNOWN, place_in, proposed, waiting
 from casebase.steps import last_step, newest_of, step_name, undo
 from casebase.store.models import Case, StoredDiagnosis
@@ -180,7 +177,6 @@ def shown(
         "last": last_step(session, subjects),
         "step": None if here else step,
         "place": place_in(list(waiting(session, naming, faults_first=True)), row.id) if queued else None,
-        "reason": reason_words(row, naming.get(row.recording_id)),
         "ways": VERIFICATIONS,
     }
     notices = (Message(step.words, ""),) if step is not None and here else ()
@@ -277,36 +273,14 @@ def queue(request: Request, service: TheService, session: Reading, principal: Pa
     kinds = Counter(found.values())
     context: dict[str, object] = {
         "kinds": [(words, kinds[kind]) for kind, words in KINDS.items() if kind in kinds],
-        "rows": [
-            (row, verdict_of(row.document).headline, reason_words(row, naming.get(row.recording_id))) for row in rows
-        ],
+        "rows": [(row, verdict_of(row.document), naming.get(row.recording_id)) for row in rows],
+        "named_words": lambda fault: named_words(fault, service.settings.time_zone),
         "count": len(found),
         "proposed": proposed(session),
         "step": told_step(session, number_of(request, "step")),
         "how_sure": how_sure,
     }
     return render(request, "queue.html", context, principal=principal, section="/diagnoses")
-
-
-def reason_words(row: StoredDiagnosis, fault: NamedFault | None = None) -> str:
-    """Say why a diagnosis needs a person.
-
-    Args:
-        fault: that it names and that stands of its gearbox.
-    """
-    if row.verdict == UNKNOWN and not is_compared(row.document):
-        return "It could not be compared. Do what its page says."
-    if row.verdict == UNKNOWN:
-        return "Unlike every known kind. Listen, have it inspected if it comes again, and say what it is."
-    if row.verdict == UNDECIDED and names_fault(row.document):
-        return "A fault is likely, and the library cannot decide which. Do the checks on its page, and say what it is."
-    if row.verdict == UNDECIDED:
-        return "The library cannot decide. Listen, do the checks on its page, and say what it is."
-    name = name_of(row.label).capitalize()
-    if fault is not None and fault.good:
-        since = "1 recording since then has" if fault.good == 1 else f"{fault.good} recordings since then have"
-        return f"{name} was named, and {since} sounded good. A worn gear does not heal: do the checks on its page."
-    return f"{name} is likely. Do the checks on its page, then confirm or correct."
 
 
 @router.post("/steps/undo", dependencies=[FromOurPage])

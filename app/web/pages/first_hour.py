@@ -19,7 +19,7 @@ from app.report.disturbed import Flag, flags_of
 from app.report.words import verdict_of
 from app.service import Reading, Service, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
-from app.web.first_hour import Hour, axis_cases, known_of_axis, obstacles
+from app.web.first_hour import Hour, axis_cases, obstacles
 from app.web.forms import (
     MOST_AT_ONCE,
     NUMBERS,
@@ -82,7 +82,6 @@ def first_hour(
     )
     context = {
         "hour": hour,
-        "known": known_of_axis(cases),
         "name": name,
         "waiting": begun,
         "recordings": [(one, checked(one), said(one)) for one in hour.taken],
@@ -106,7 +105,7 @@ def checked(taken: Taken) -> tuple[Flag, ...]:
 
 
 def said(taken: Taken) -> str:
-    """Say in a few words what the library said of a recording."""
+    """Say in a few words what the library answers of a recording."""
     return verdict_of(taken.diagnosis.document).headline if taken.diagnosis else "Not diagnosed yet"
 
 
@@ -116,8 +115,8 @@ def message(taken: Taken) -> Message:
     if not taken.recording.usable:
         return Message(f"The recording cannot be used ({poor}), so it is no case of the library.", "bad")
     if poor:
-        return Message(f"The check found something in {taken.recording.file_name}: {poor}. See below.", "warn")
-    return Message(f"{taken.recording.file_name}: the check found nothing.")
+        return Message(f"{taken.recording.file_name} is disturbed: {poor}. What to avoid stands below.", "warn")
+    return Message(f"{taken.recording.file_name} is a good recording. The library's answer: {said(taken)}.")
 
 
 @router.post("/axes/{name}/first-hour/recordings")

@@ -21,7 +21,7 @@ from app.http.uploads import TheUpload
 from app.recordings import views
 from app.recordings.intake import CaseMetadata
 from app.report import charts
-from app.report.formatting import sentence
+from app.report.formatting import name_of, sentence
 from app.report.recorded import PlotName, chart_of, features_of, spectrogram_png
 from app.service import Reading, Service, TheService
 from app.web.first_hour import axis_cases
@@ -67,7 +67,7 @@ from signals.features import catalogue
 
 router = APIRouter()
 SECTION = "/library"
-TAUGHT = "What this case taught the library"
+TAUGHT = "Effect of this case on the library"
 KEPT = "Kept as a case of the library."
 
 
@@ -245,8 +245,8 @@ def own_words(found: Teaching, label: str) -> str:
     if found.own.verdict == "not_in_library":
         return "With its gearbox left out, the library says of it: not in the library. So it was new to it."
     sure = "undecided, most probably " if found.own.verdict == "ambiguous" else ""
-    rightly = "which is right" if found.own.right else f"while it is {label}: that is new to it"
-    return f"With its gearbox left out, the library says of it: {sure}{found.own.best}, {rightly}."
+    rightly = "which is right" if found.own.right else f"while it is {name_of(label)}: that is new to it"
+    return f"With its gearbox left out, the library says of it: {sure}{name_of(found.own.best)}, {rightly}."
 
 
 @router.get("/cases/{case_id}", dependencies=[ReadingLimit])

@@ -47,7 +47,7 @@ one("form[data-verdict]")?.addEventListener("submit", (event) => {
   const verdict = event.submitter?.value;
   label.required = verdict === "corrected";
   another.required = label.required && label.value === "+";
-  verification.required = Boolean(keep?.checked) && verdict !== "rejected";
+  verification.required = event.submitter?.hasAttribute("formaction") || (Boolean(keep?.checked) && verdict !== "rejected");
   if (!event.target.reportValidity()) event.preventDefault();
 });
 
@@ -274,11 +274,10 @@ if (player && window.WaveSurfer) {
 for (const element of all("[data-job-events]")) {
   const source = new EventSource(element.dataset.jobEvents);
   source.addEventListener("progress", (event) => {
-    const { fraction, stage, done, total, remaining_s: remaining } = JSON.parse(event.data);
+    const { fraction, done, total, remaining_s: remaining } = JSON.parse(event.data);
     one("progress", element).value = fraction;
-    const count = total ? `: ${done} of ${total}` : "";
     const left = remaining ? `, about ${Math.ceil(remaining)} s left` : "";
-    one("[data-stage]", element).textContent = `${stage}${count}${left}`;
+    one("[data-stage]", element).textContent = total ? `${done} of ${total} parts are done${left}` : "";
   });
   source.addEventListener("end", () => {
     source.close();

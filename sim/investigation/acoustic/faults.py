@@ -221,8 +221,8 @@ def sign_of_tooth(axis: Axis, course: Course) -> Sign | None:
     elif (bump := impacts(course)) is not None and bump.times_s is not None:
         text = (
             f"{bump.times_s.size} impacts stand {bump.height_db:.0f} dB and more over the sound around them, which no "
-            "other does: a damaged tooth that meets the mesh, unless something beside the axis knocked. Strokes cannot "
-            "be laid over each other, so that its angle is not known."
+            "other does: a damaged tooth that meets the mesh, unless something beside the axis knocked. The motion "
+            "does not repeat, so its angle is not known."
         )
         end = end_of_half_cycles(course)
         played = end is not None and log_ratio(END_TAIL.p_value(end.score)) > CLEAR

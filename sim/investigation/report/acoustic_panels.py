@@ -40,7 +40,7 @@ def sound_panels(listened: AcousticResult) -> tuple[list[Panel], list[Panel]]:
         return overlay, []
     if not course.repeats:
         return overlay, [_impacts(course)]
-    title = "Strokes laid over each other, below 200 Hz"
+    title = "Average stroke of the motion, below 200 Hz"
     lines = (("around one end", folded.forward_db), ("around the other end", folded.backward_db))
     labels = ("time from the standstill [s]", "over what noise reaches [dB]")
     low = float(min(np.nanmin(folded.forward_db), np.nanmin(folded.backward_db)))
@@ -96,7 +96,7 @@ def _loudness(course: Course) -> Panel:
 
 
 def _impacts(course: Course) -> Panel:
-    """What stands out of the second around it, where strokes cannot be laid over each other."""
+    """What stands out of the second around it, where the motion does not repeat."""
     over = over_around(course.analysis.envelope(Band.LOW))
     count = int(min(over.size, SHOWN_S * HOP_HZ)) // MEAN_HOPS * MEAN_HOPS
     highest = over[:count].reshape(-1, MEAN_HOPS).max(axis=1)

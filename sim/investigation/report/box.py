@@ -59,22 +59,13 @@ class Size:
 
     @property
     def words(self) -> str:
-        """In one line.
+        """In one line, with what is allowed as new.
 
-        >>> Size("gap", "0.0012 rad", "0.0011 to 0.0013 rad").words
-        'Gap 0.0012 rad (90 % interval 0.0011 to 0.0013 rad)'
+        >>> Size("gap", "0.0012 rad", "0.0011 to 0.0013 rad", "0.0003 rad").words
+        'Gap 0.0012 rad (as new at most 0.0003 rad)'
         """
-        return f"{self.name[:1].upper()}{self.name[1:]} {self.value}{f' ({self.beside})' if self.beside else ''}"
-
-    @property
-    def beside(self) -> str:
-        """What stands beside the value: its interval, and what is allowed as new.
-
-        >>> Size("gap", "0.0012 rad", "0.0011 to 0.0013 rad", "0.0003 rad").beside
-        '90 % interval 0.0011 to 0.0013 rad; as new at most 0.0003 rad'
-        """
-        parts = (f"90 % interval {self.interval}" if self.interval else "", as_new_words(self.as_new))
-        return "; ".join(part for part in parts if part)
+        new = f" ({as_new_words(self.as_new)})" if self.as_new else ""
+        return f"{self.name[:1].upper()}{self.name[1:]} {self.value}{new}"
 
 
 @dataclass(frozen=True)
@@ -213,7 +204,7 @@ def _how_sure(finding: Document) -> str:
 def _unnamed(document: Document) -> Entry:
     rest = document["unexplained"]
     return Entry(
-        title="Something without a name",
+        title="Something of unknown cause",
         what=unexplained_words(unexplained_of(rest))
         if rest
         else "The measurement has something that no known mechanism explains.",

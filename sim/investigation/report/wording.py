@@ -98,9 +98,7 @@ def headline(result: Investigation) -> str:
         return _silent(result)
     if not machine:
         beyond = (
-            _silent(result)
-            if result.acoustic is not None
-            else "Otherwise nothing was found that these data could show."
+            _silent(result) if result.acoustic is not None else "Nothing else found, as far as these data can show it."
         )
         first = f"Not described: {either}. " if either else ""
         return first + (f"The measurement has faults: {faults}. " if faults else "") + beyond
@@ -114,7 +112,7 @@ def headline(result: Investigation) -> str:
 
 def _silent(result: Investigation) -> str:
     if result.acoustic is None:
-        return "Nothing was found that these data could show."
+        return "No fault found, as far as these data can show one."
     if not result.examined:
         return "Nothing could be examined in this sound."
     examined = ", ".join(named(name) for name in result.examined)

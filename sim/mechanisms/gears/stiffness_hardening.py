@@ -22,7 +22,7 @@ class StiffnessHardening(Mechanics):
     signature = Signature("twist")
     sentence = "The {where} gear pair is stiffer at large twist than at small."
     action = (
-        "Nothing to repair: enter in the description that the {where} gear pair stiffens. If the axis was linear "
+        "Nothing to repair: update the description, as the {where} gear pair stiffens. If the axis was linear "
         "before, check preload and end stops of that stage."
     )
     check = (

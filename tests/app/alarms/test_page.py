@@ -6,8 +6,10 @@ import pytest
 from sqlalchemy import select
 
 from benchmarks.harness.inside import Inside
-from casebase.store.models import AlarmReceiver, AlarmRule, Delivery
+from casebase.store.models import AlarmReceiver, AlarmRule, Delivery, now
+from tests.casebase.kept import keep
 
+RECEIVERS = "/api/v1/alarms/receivers"
 HOOK = "https://tickets.example.com/in/secret-path"
 
 
@@ -27,7 +29,7 @@ def test_from_a_receiver_to_a_message(service: Inside) -> None:
     page = service.browse("GET", "/alarms").text
     assert not [each for each in (found[0], "secret-path") if each in page], "this once"
     assert "https://tickets.example.com/…" in page
-    listed = service.ask("GET", "/api/v1/alarms/receivers").text
+    listed = service.ask("GET", RECEIVERS).text
     assert not [each for each in (found[0], "secret-path") if each in listed]
     with service.service.library.reading() as session:
         receiver = session.scalars(select(AlarmReceiver)).one()
@@ -53,6 +55,20 @@ def test_from_a_receiver_to_a_message(service: Inside) -> None:
     assert "large notches" in named.text
     send(service, f"rules/{rule.id}/remove", x="")
     assert "Nobody gets a message" in send(service, f"receivers/{receiver.id}/remove", x="")
+
+
+def test_a_new_rule_holds_at_once(service: Inside) -> None:
+    with service.service.library.transaction("test") as session:
+        keep(session, "bench", "g1", now(), {}, "notch")
+    send(service, "receivers", name="tickets", kind="webhook", address=HOOK)
+    (receiver,) = service.ask("GET", RECEIVERS).json()
+    page = send(service, "rules", name="damage", kind="state", label="notch", receivers=receiver["id"])
+    assert (page.count("of 1 gearbox<"), page.count("of none<")) == (1, 0)
+    for label in ("notch", "play"):
+        rule = {"name": label, "kind": "state", "label": label, "receivers": [receiver["id"]]}
+        service.ask("POST", "/api/v1/alarms/rules", json=rule).raise_for_status()
+    page = service.browse("GET", "/alarms").text
+    assert (page.count("of 1 gearbox<"), page.count("of none<")) == (2, 1)
 
 
 @pytest.mark.parametrize(

@@ -303,6 +303,15 @@ def worker() -> runner.Worker:
     return runner.Worker(None, None, {}, "lease", 1.0, Event())  # type: ignore[arg-type]
 
 
+@ON_SQLITE
+def test_jobs_are_listed_by_their_subject_without_messages(place: Place) -> None:
+    jobs = Jobs(place.library)
+    jobs.submit("simulations", {"axis": {"name": "bench"}})
+    jobs.submit("imports", {"name": "cases.zip"})
+    jobs.submit("deliveries", {})
+    assert [job.about for job in jobs.list()] == ["cases.zip", "bench"]
+
+
 def test_work_that_somebody_else_wrote_at_the_same_time_is_done_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """The last commit of a killed worker may arrive after another has begun its work anew."""
     monkeypatch.setattr(runner, "RETRY_S", 0.0)

@@ -30,13 +30,12 @@ def test_what_a_new_axis_has_at_most_stands_beside_what_was_found(mechanism: str
     bare = {"name": "bench", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 40.0}}
     axis = read_axis({**bare, "stages": [stage]})
     (entry,) = box_of(found(mechanism, parameter), axis)
-    beside = entry.sizes[0].beside
-    assert beside.startswith("90 % interval ")
-    assert ("as new at most" in beside) == bool(allowed)
-    assert allowed in beside
-    assert beside in dict(entry.facts)["What"], "on paper too"
+    words = entry.sizes[0].words
+    assert ("as new at most" in words) == bool(allowed)
+    assert allowed in words
+    assert words in dict(entry.facts)["What"], "on paper too"
     (of_robot,) = box_of(found(mechanism, parameter), None)
-    assert "as new" not in of_robot.sizes[0].beside, "no description, no limit"
+    assert "as new" not in of_robot.sizes[0].words, "no description, no limit"
 
 
 def test_how_sure_is_a_figure_only_where_that_is_calibrated() -> None:
