@@ -16,7 +16,6 @@ NAMED = re.compile(rf"({'|'.join(MECHANISMS)})(@.*)?")
 QUOTED = re.compile(rf"[\"'](?:{'|'.join(MECHANISMS)})")
 KINDS_OF_THE_DIAGNOSIS = {
     "signals/recording_quality/quality.py": {"clipping"},  # disturbances, by the words of its document
-    "app/report/formatting.py": {"backlash"},  # what people call `play`
 }
 FREE_OF_KINDS = ("search", "estimation", "assessment", "pooling", "next_measurement")
 
