@@ -13,17 +13,19 @@ from fastapi import Depends, Form, Request
 from pydantic import TypeAdapter, ValidationError
 from sqlalchemy.orm import Session
 
+from app.axes import in_si
 from app.fleet import natural
 from app.http.errors import Forbidden, Unprocessable
 from app.http.security import Principal, Role
 from app.http.uploads import Upload
 from app.recordings.intake import Intake, RecordingMetadata, read_metadata, take_in
-from app.report.formatting import NAMES, name_of
+from app.report.formatting import NAMES, name_of, sentence
 from app.service import Service, TheService
-from casebase.axes import list_axes
-from casebase.gearboxes import signatures
+from casebase.axes import SHOWN, axis_names, is_axis, unknown_axis
+from casebase.gearboxes import gearbox_names, is_gearbox
 from casebase.labels import GEAR_DAMAGE, OTHER_WORDS
 from casebase.store.fields import Label
+from sim.errors import ParameterError
 from sim.experiment.design_of_experiments import LABELS
 from sim.mechanisms import MECHANISMS
 
@@ -54,7 +56,9 @@ VERIFICATIONS: dict[str, str] = {
     "unverified": "not verified",
 }
 """The words of the pages for how a label was verified, the surest first."""
-NUMBERS = {"speed_rad_s": "The largest speed of the output [rad/s]", "payload_kg_m2": "The payload [kg m²]"}
+NUMBERS = {"speed_rad_s": "The largest speed of the output", "payload_kg_m2": "The payload"}
+SAID = ("axis", "gearbox", "new_axis", "new_gearbox", *NUMBERS, *(f"{name}.unit" for name in NUMBERS))
+"""What a form may say of a recording."""
 LARGEST_NUMBER = 2**31 - 1
 MOST_AT_ONCE = 1000
 """Cases of a label that one form has simulated."""
@@ -87,13 +91,12 @@ def choices(library: Iterable[str]) -> Choices:
 
 def import_choices(service: Service, session: Session) -> dict[str, object]:
     """Return what a table of recordings offers: labels with their other words, axes, gearboxes, ways to verify."""
-    places, labels = signatures(session), choices(one for one, _ in service.counts(session))
-    described = {row.name for row in list_axes(session)}
+    labels = choices(one for one, _ in service.counts(session))
     return {
         "choices": labels,
         "other_words": {label: _other_words(label) for _, group in labels for label, _ in group},
-        "axes": sorted({axis for axis, _ in places if axis} | described, key=natural),
-        "gearboxes": sorted({gearbox for _, gearbox in places if gearbox}, key=natural),
+        "axes": sorted(axis_names(session), key=natural),
+        "gearboxes": sorted(gearbox_names(session), key=natural),
         "ways": VERIFICATIONS,
     }
 
@@ -179,9 +182,27 @@ def taken_in(
     service: Service, upload: Upload, fields: Mapping[str, object], model: type[Known]
 ) -> tuple[Intake, Known]:
     """Take the recording of a form in, with what the form says of it."""
+    with service.library.reading() as session:
+        check_place(session, {**upload.fields, **fields})
     metadata: Known = read_metadata(json.dumps(fields), model)
     file = upload.file("file")
     return take_in(service.library, file.path, file.name, file.media_type, metadata), metadata
+
+
+def check_place(session: Session, fields: Mapping[str, object]) -> None:
+    """Refuse an axis or a gearbox that nothing knows, unless the form says that it is new.
+
+    The first gearbox of an axis is new anyway.
+    """
+    axis, gearbox = str(fields.get("axis") or "") or None, str(fields.get("gearbox") or "")
+    if axis and not fields.get("new_axis") and not is_axis(session, axis):
+        words = sentence(unknown_axis(session, axis))
+        raise Unprocessable(f"{words} Choose one of the list, or tick that it is a new axis.")
+    others = gearbox_names(session, axis)
+    if gearbox and others and not fields.get("new_gearbox") and not is_gearbox(session, axis, gearbox):
+        where = f" at axis {axis!r}" if axis else ""
+        words = f"No gearbox {gearbox!r} is known{where}; there are {', '.join(others[:SHOWN])}."
+        raise Unprocessable(f"{words} Choose one of the list, or tick that it is a new gearbox.")
 
 
 def told(fields: dict[str, str], *words: str) -> dict[str, object]:
@@ -192,18 +213,17 @@ def told(fields: dict[str, str], *words: str) -> dict[str, object]:
             found[name] = text
     for name, label in NUMBERS.items():
         if text := fields.get(name, "").strip():
-            found[name] = number(label, text)
+            found[name] = number(label, text, name, fields.get(f"{name}.unit", ""))
     return found
 
 
-def number(label: str, text: str) -> float:
-    """Return a number of a form, which may have a decimal comma; raises Unprocessable."""
+def number(label: str, text: str, key: str = "", unit: str = "") -> float:
+    """Return a number of a form in SI, given in a unit that the key may have; raises Unprocessable."""
     try:
-        return float(text.replace(",", "."))
-    except ValueError:
-        raise Unprocessable(
-            f"{label} must be a number such as 2.5, got {text!r}. Leave it empty if it is not known."
-        ) from None
+        return in_si(key, text, unit)
+    except ParameterError as error:
+        wrong = str(error).removeprefix(f"{key}: ")
+        raise Unprocessable(f"{label}: {wrong} Leave it empty if it is not known.") from None
 
 
 def may_keep(principal: Principal) -> None:

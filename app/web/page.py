@@ -5,20 +5,21 @@ A session stands in an HttpOnly cookie; forms carry a token that only a page of 
 
 import json
 import secrets
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, TypeVar
-from urllib.parse import quote
+from typing import Annotated, Any, Generic, TypeVar
+from urllib.parse import quote, urlencode
 
 from fastapi import Depends, Form, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 from pydantic import BaseModel, ValidationError
-from sqlalchemy import ColumnElement, Select, select
+from sqlalchemy import ColumnElement, Select, or_, select
 from sqlalchemy.orm import Session, defer
 from starlette import types
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from app.axes import units_of
 from app.background_cache import Pending
 from app.http.errors import Forbidden, NotAuthenticated, validation_problem
 from app.http.security import (
@@ -33,15 +34,19 @@ from app.http.security import (
     signed_in,
 )
 from app.http.uploads import check_whole
-from app.report.formatting import ENVIRONMENT, instant, sentence
+from app.report.formatting import ENVIRONMENT, NAMES, instant, sentence
 from app.service import Service, service_of
+from app.web.forms import number_of
 from casebase.origins import DEMO
 from casebase.store.artifacts import active_artifact
 from casebase.store.models import StoredInvestigation
 
 Asked = TypeVar("Asked", bound=BaseModel)
+Row = TypeVar("Row")
 ROWS = 50
 """Of a list on a page."""
+Orders = Mapping[str, tuple[str, Any]]
+"""How a list can be sorted, by the word in the address: in words, and by which columns or key; the usual way first."""
 NAVIGATION = (
     ("/fleet", "Fleet", "1", "viewer"),
     ("/diagnoses", "Diagnoses", "2", "viewer"),
@@ -170,6 +175,7 @@ def render(
         "section": section,
         "messages": messages,
         "zone": zone,
+        "units_of": units_of,
         "at": lambda value: instant(value, zone),
     }
     page = ENVIRONMENT.get_template(template).render({**given, **context})
@@ -193,6 +199,84 @@ def checked_form(model: type[Asked], given: Mapping[str, object]) -> Asked:
 def lead(service: Service, path: str) -> RedirectResponse:
     """Lead from a form that was taken to a page, given by its path below the root."""
     return RedirectResponse(f"{root_of(service)}{path}", status_code=303)
+
+
+@dataclass(frozen=True)
+class Listing(Generic[Row]):
+    """A page of a list that is searched and sorted by its address.
+
+    Args:
+        first: how many rows are on the pages before.
+        count: of all pages; None where nobody counted.
+        asked: what the address says besides.
+    """
+
+    rows: Sequence[Row]
+    first: int
+    has_more: bool
+    count: int | None
+    orders: Orders
+    asked: Mapping[str, str]
+
+    @property
+    def is_narrowed(self) -> bool:
+        """Whether some rows are left out."""
+        return bool(self.first or self.asked.keys() - {"sort"})
+
+    @property
+    def sorts(self) -> list[tuple[str, str]]:
+        """The ways to sort it."""
+        return [(name, words) for name, (words, _) in self.orders.items()]
+
+    def at(self, pages: int) -> str:
+        """Return the address of the page that stands so many pages further on."""
+        return f"?{urlencode({**self.asked, 'first': max(0, self.first + pages * ROWS)})}"
+
+
+def _listed(
+    request: Request, orders: Orders, found: Callable[[list[str], Any, int], tuple[Sequence[Row], int | None]]
+) -> Listing[Row]:
+    given = {name: value.replace("\0", "") for name, value in request.query_params.items()}
+    asked = {name: value for name, value in given.items() if value and name not in ("first", "step", "undone")}
+    by = orders.get(asked.get("sort", ""), next(iter(orders.values())))[1]
+    first = number_of(request, "first") or 0
+    rows, count = found(asked.get("search", "")[:200].lower().split(), by, first)
+    return Listing(rows[:ROWS], first, len(rows) > ROWS, count, orders, asked)
+
+
+def listing(
+    request: Request,
+    session: Session,
+    statement: Select[Any],
+    orders: Orders,
+    searched: Sequence[Any],
+) -> Listing[Any]:
+    """Return the page of a list in the database; each word that is searched stands in one of the columns `searched`."""
+    entity = statement.column_descriptions[0]["entity"]
+
+    def found(words: list[str], by: Sequence[ColumnElement[Any]], first: int) -> tuple[Sequence[Any], None]:
+        wanted = statement
+        for word in words:
+            meant = [word, *(label for label, name in NAMES.items() if f" {word}" in f" {name}")]
+            holds = (column.icontains(each, autoescape=True) for column in searched for each in meant)
+            wanted = wanted.where(or_(*holds))
+        # ids alone are sorted: a row may have a long document
+        keys = wanted.with_only_columns(entity.id).order_by(*by, entity.id.desc()).offset(first).limit(ROWS + 1)
+        ids = session.scalars(keys).all()
+        rows = session.scalars(statement.where(entity.id.in_(ids))).unique()
+        return sorted(rows, key=lambda row: ids.index(row.id)), None
+
+    return _listed(request, orders, found)
+
+
+def listing_of(request: Request, known: Iterable[Row], orders: Orders, text: Callable[[Row], str]) -> Listing[Row]:
+    """Return the page of a list that is known already; each word that is searched stands in the text of a row."""
+
+    def found(words: list[str], by: Callable[[Row], Any] | None, first: int) -> tuple[Sequence[Row], int]:
+        rows = [row for row in known if all(word in text(row).lower() for word in words)]
+        return (sorted(rows, key=by) if by else rows)[first : first + ROWS + 1], len(rows)
+
+    return _listed(request, orders, found)
 
 
 def waiting_page(

@@ -9,8 +9,9 @@ import secrets
 from collections.abc import Callable
 from typing import Annotated
 
-from fastapi import APIRouter, Form, Query, Request
+from fastapi import APIRouter, Form, Request
 from fastapi.responses import Response
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.alarms.addresses import check_receiver
@@ -22,29 +23,42 @@ from app.http.errors import Forbidden, NotAuthenticated, NotFound, Unprocessable
 from app.http.keys import Role
 from app.http.security import COOKIE, FORM_COOKIE, Principal, check_csrf, client_of, csrf_token, principal_of
 from app.http.sessions import LASTS, end_session, open_session
+from app.jobs.jobs import job_of
 from app.report.words import VERDICTS
 from app.service import Reading, Service, TheJobs, TheService, service_of
-from app.web.forms import number
+from app.web.forms import check_place, number
 from app.web.page import (
     ROWS,
     FromOurPage,
     Message,
+    Orders,
     PageAdmin,
     PageOperator,
     PageViewer,
     Visitor,
     checked_form,
     lead,
+    listing,
     render,
     root_of,
 )
 from casebase.alarms import outbox, rules
 from casebase.store import audit
+from casebase.store.models import AuditEntry, StoredJob
 
 router = APIRouter()
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
-ENTRIES = 100
-Before = Annotated[int | None, Query(ge=1, le=2**63 - 1)]
+ENTRIES: Orders = {
+    "": ("newest first", ()),
+    "oldest": ("oldest first", (AuditEntry.id,)),
+    "who": ("who", (AuditEntry.actor,)),
+}
+WORK: Orders = {
+    "": ("newest first", ()),
+    "oldest": ("oldest first", (StoredJob.id,)),
+    "kind": ("kind", (StoredJob.kind,)),
+    "state": ("state", (StoredJob.state,)),
+}
 alarms = APIRouter(prefix="/alarms")
 ALARMS = "/alarms"
 CHANGES: dict[tuple[str, str], tuple[Callable[[Session, str], object], str]] = {
@@ -58,9 +72,11 @@ OptionalText = Annotated[str, Form()]
 
 
 @router.get("/jobs")
-def job_list(request: Request, jobs: TheJobs, principal: PageOperator) -> Response:
-    """The newest jobs and the workers that run them."""
-    context = {"rows": jobs.list(limit=100), "workers": jobs.workers()}
+def job_list(request: Request, session: Reading, jobs: TheJobs, principal: PageOperator) -> Response:
+    """The jobs, newest first, and the workers that run them."""
+    searched = (StoredJob.kind, StoredJob.state, StoredJob.submitted_by)
+    found = listing(request, session, select(StoredJob), WORK, searched)
+    context = {"list": found, "jobs": [job_of(row) for row in found.rows], "workers": jobs.workers()}
     return render(request, "jobs.html", context, principal=principal, section="/jobs")
 
 
@@ -120,12 +136,18 @@ def key_revoke(service: TheService, principal: PageAdmin, key_id: str, sure: Ann
     return lead(service, "/keys")
 
 
+@router.get("/docs")
+def docs(request: Request, principal: Visitor) -> Response:
+    """The interface for programs: found, read and tried out, with the session of whoever is signed in."""
+    return render(request, "docs.html", {"address": str(request.base_url).rstrip("/")}, principal=principal)
+
+
 @router.get("/audit")
-def audit_log(request: Request, session: Reading, principal: PageAdmin, before: Before = None) -> Response:
+def audit_log(request: Request, session: Reading, principal: PageAdmin) -> Response:
     """Who did what to which, newest first."""
-    rows = audit.entries(session, limit=ENTRIES, before_id=before)
-    context = {"rows": rows, "older": rows[-1].id if len(rows) == ENTRIES else None}
-    return render(request, "audit.html", context, principal=principal, section="/audit")
+    searched = (AuditEntry.actor, AuditEntry.action, AuditEntry.subject_kind, AuditEntry.subject_id)
+    found = listing(request, session, select(AuditEntry), ENTRIES, searched)
+    return render(request, "audit.html", {"list": found}, principal=principal, section="/audit")
 
 
 @router.get("/audit.csv")
@@ -216,6 +238,8 @@ def create_rule(
     receivers: Annotated[list[str] | None, Form()] = None,
     axis: OptionalText = "",
     gearbox: OptionalText = "",
+    new_axis: OptionalText = "",
+    new_gearbox: OptionalText = "",
     verdict: OptionalText = "",
     label: OptionalText = "",
     least_probability: OptionalText = "",
@@ -242,6 +266,8 @@ def create_rule(
         },
     )
     with service.library.transaction(principal.actor) as session:
+        named = {"axis": asked.axis, "gearbox": asked.gearbox}
+        check_place(session, {**named, "new_axis": new_axis, "new_gearbox": new_gearbox})
         rules.add_rule(session, asked.name, asked.condition(), asked.receivers)
     return lead(service, ALARMS)
 

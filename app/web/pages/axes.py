@@ -2,31 +2,44 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from datetime import datetime
-from typing import Annotated
-from urllib.parse import quote
-from zoneinfo import ZoneInfo
+from datetime import datetime, timedelta
+from typing import Annotated, Literal
+from urllib.parse import quote, urlencode
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import tomli_w
-from fastapi import APIRouter, Form, Query, Request
-from fastapi.responses import Response
+from fastapi import APIRouter, Depends, Form, Query, Request
+from fastapi.responses import JSONResponse, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.axes import check_known
-from app.http.errors import Unprocessable
-from app.report.charts import charts_of, level_chart
+from app.fleet import natural
+from app.http.errors import NotFound, Unprocessable
+from app.report.charts import Window, charts_of
 from app.report.standing_words import WORDS, day, evidence_words, next_steps, since_words, state_badge, trend_words, why
 from app.report.words import VERDICTS, in_short, is_compared, sure_of
 from app.service import Reading, Service, TheService
 from app.web.first_hour import axis_cases, known_of_axis
-from app.web.page import ROWS, FromOurPage, Headlined, PageOperator, PageViewer, lead, newest, render, waiting_page
+from app.web.page import (
+    ROWS,
+    FromOurPage,
+    Headlined,
+    Orders,
+    PageOperator,
+    PageViewer,
+    lead,
+    listing_of,
+    newest,
+    render,
+    waiting_page,
+)
 from casebase.alarms import rules
-from casebase.axes import get_axis, is_axis, list_axes, unknown_axis
+from casebase.axes import axis_names, get_axis, is_axis, unknown_axis
 from casebase.description import check_choice, check_name
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import Reason, Standing, State, standing
-from casebase.gearboxes import EXCHANGE, KINDS, NOTE, History, places_of
+from casebase.gearboxes import EXCHANGE, KINDS, NOTE, History, gearbox_names, places_of
 from casebase.labels import BASELINES
 from casebase.reasoning.trend import Trend, trend_of
 from casebase.store import audit, revisions
@@ -44,22 +57,38 @@ from sim.robot.robot import Robot
 
 robots = APIRouter(prefix="/robots")
 router = APIRouter(prefix="/axes")
+fleet_router = APIRouter()
+Word = Annotated[str, Query(max_length=200, pattern=r"^[^\x00]*$")]
 SECTION = "/axes"
 LISTED = 10
+OVER_IT = 3
+"""Gearboxes that are laid over one: there is no fifth colour."""
+LISTS: Orders = {"": ("name", None), "robots": ("robots first", lambda one: not one[0])}
 
 
 @router.get("")
 def axis_list(request: Request, session: Reading, principal: PageViewer) -> Response:
     """Every axis and robot at its current revision, and axes that only recordings name."""
-    rows = list_axes(session)
-    known = {row.name for row in rows}
-    named = session.scalars(select(StoredRecording.axis).where(StoredRecording.axis.is_not(None)).distinct()).all()
-    context = {
-        "rows": rows,
-        "undescribed": sorted(str(name) for name in named if name not in known),
-        "robots": revisions.current(session, RobotRevision),
+    robots = session.scalars(select(RobotRevision.name).distinct())
+    known = [*((False, name) for name in axis_names(session)), *((True, name) for name in robots)]
+    found = listing_of(request, sorted(known, key=lambda one: natural(one[1])), LISTS, lambda one: one[1])
+    shown = [name for _, name in found.rows]
+    described: dict[tuple[bool, str], object] = {
+        **{(False, row.name): row for row in revisions.current(session, AxisRevision, names=shown)},
+        **{(True, row.name): row for row in revisions.current(session, RobotRevision, names=shown)},
     }
+    context = {"list": found, "rows": [(*one, described.get(one)) for one in found.rows]}
     return render(request, "axes.html", context, principal=principal, section=SECTION)
+
+
+@fleet_router.get("/names/{kind}")
+def names(
+    session: Reading, _: PageViewer, kind: Literal["axis", "gearbox"], search: Word = "", axis: Word = ""
+) -> list[str]:
+    """Names that hold a text, of axes or of the gearboxes of an axis, for whoever begins to write one."""
+    if kind == "gearbox":
+        return list(gearbox_names(session, axis or None, search, ROWS))
+    return [name for name in axis_names(session) if search.lower() in name.lower()][:ROWS]
 
 
 @router.get("/{name}")
@@ -95,12 +124,13 @@ def add_mark(
     kind: Annotated[str, Form()] = NOTE,
     successor: Annotated[str, Form()] = "",
     back: Annotated[str | None, Form()] = None,
+    zone: Annotated[str, Form(max_length=100)] = "",
 ) -> Response:
-    """Note what was done to an axis or a gearbox of it, at the site's time."""
+    """Note what was done to an axis or a gearbox of it, at a time in the browser's zone or else the site's."""
     try:
-        when = datetime.fromisoformat(at).replace(tzinfo=ZoneInfo(service.settings.time_zone))
-    except ValueError:
-        raise Unprocessable(f"The time must look like 2026-11-20T14:03, got {at!r}.") from None
+        when = datetime.fromisoformat(at).replace(tzinfo=ZoneInfo(zone or service.settings.time_zone))
+    except (ValueError, ZoneInfoNotFoundError):
+        raise Unprocessable(f"The time must look like 2026-11-20T14:03, got {at!r} {zone}.") from None
     if not text.strip():
         raise Unprocessable("Say what was done.")
     check_name("name of the axis", name)
@@ -226,11 +256,13 @@ def robot_urdf(session: Reading, _: PageViewer, name: str) -> Response:
     return Response(revisions.get(session, RobotRevision, name).urdf, media_type="application/xml", headers=headers)
 
 
-fleet_router = APIRouter()
 FLEET = "/fleet"
-SHOWN = 100
-"""Gearboxes on a page of the fleet: more than one reads at once."""
-LARGEST = 10**6
+ORDERS: Orders = {
+    "": ("worst first", None),
+    "gearbox": ("axis and gearbox", lambda row: (natural(row.axis), natural(row.gearbox or ""))),
+    "since": ("last change first", lambda row: age(row.standing and row.standing.since)),
+    "last": ("last recording first", lambda row: age(row.standing and row.standing.last and row.standing.last.at)),
+}
 SAID_OF = (Reason.NAMED, Reason.UNDECIDED, Reason.UNLIKE)
 SAID_BY = ("fault", "hypotheses", "labels", "quality", "remarks", "novelty", "recording", "provenance")
 """Parts of a diagnosis that are needed to say in short what it says."""
@@ -243,7 +275,6 @@ def fleet(
     service: TheService,
     principal: PageViewer,
     state: State | None = None,
-    first: Annotated[int, Query(ge=0, le=LARGEST)] = 0,
 ) -> Response:
     """The gearboxes with their states, the worst first: all of them or those in one state, a page of them."""
     begun = service.fleet_soon(session)
@@ -255,7 +286,8 @@ def fleet(
     known = [(row, row.state) for row in service.fleet.gearboxes(session, at, service.settings.silent_after)]
     counts = Counter(here for _, here in known)
     wanted = [row for row, here in known if state in (None, here)]
-    rows = wanted[first : first + SHOWN]
+    found = listing_of(request, wanted, ORDERS, lambda row: f"{row.axis} {row.gearbox or ''}")
+    rows = found.rows
     said, of_axes = diagnoses_said(session, [row.standing for row in rows]), axis_cases(service, session)
     context = {
         "rows": [
@@ -264,13 +296,64 @@ def fleet(
         ],
         "known": {axis: known_of_axis(of_axes.get(axis, {}) if axis else {}) for axis in {row.axis for row in rows}},
         "counts": [(each, WORDS[each], counts[each]) for each in State if counts[each]],
+        "states": [(each.value, WORDS[each]) for each in State if counts[each]],
         "state": state,
-        "first": first,
-        "of": len(wanted),
-        "shown": SHOWN,
+        "list": found,
         "day": lambda value: day(value, zone),
     }
     return render(request, "fleet.html", context, principal=principal, section=FLEET)
+
+
+def age(at: datetime | None) -> float:
+    """Return how long ago a time was, to sort by; what never was is the oldest."""
+    return -at.timestamp() if at else 0.0
+
+
+def window_of(
+    session: Reading,
+    service: TheService,
+    _: PageViewer,
+    name: str,
+    since: Annotated[str, Query(alias="from", max_length=40)] = "",
+    until: Annotated[str, Query(alias="to", max_length=40)] = "",
+    others: Annotated[list[Word] | None, Query(alias="with")] = None,
+) -> Window:
+    """Dependency: what the address says of a trend; a day alone is the whole day at the site."""
+    try:
+        times = [datetime.fromisoformat(text) if text else None for text in (since, until)]
+    except ValueError:
+        raise Unprocessable(
+            f"A time must look like 2026-11-20 or 2026-11-20T14:03Z, got {since!r} to {until!r}."
+        ) from None
+    first, last = (
+        at and (at if at.tzinfo else at.replace(tzinfo=ZoneInfo(service.settings.time_zone))) for at in times
+    )
+    if last and len(until) == len("2026-11-20"):
+        last += timedelta(days=1)
+    beside = {one: service.fleet.place(session, name, one) for one in (others or ())[:OVER_IT]}
+    return Window(first, last, {one: known.trend for one, known in beside.items() if known and known.trend})
+
+
+TheWindow = Annotated[Window, Depends(window_of)]
+
+
+@fleet_router.get("/axes/{name}/trends/{number}")
+def trend_numbers(
+    session: Reading,
+    service: TheService,
+    _: PageViewer,
+    window: TheWindow,
+    name: str,
+    number: int,
+    gearbox: Word = "",
+    history: Annotated[int, Query(ge=0)] = 0,
+) -> Response:
+    """Numbers of one chart of a trend, for the interactive drawing."""
+    shown, trend = history_of(session, service, name, gearbox, history)[1:]
+    charts = charts_of(trend, shown, sizes_of(session, shown), window) if trend else []
+    if not 0 <= number < len(charts):
+        raise NotFound(f"The trend has {len(charts)} charts.")
+    return JSONResponse(charts[number].document())
 
 
 @fleet_router.get("/axes/{name}/gearboxes")
@@ -279,12 +362,13 @@ def unnamed_gearbox(
     session: Reading,
     service: TheService,
     principal: PageViewer,
+    window: TheWindow,
     name: str,
     history: Annotated[int, Query(ge=0)] = 0,
     before: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
     """What was recorded of an axis without the name of a gearbox."""
-    return gearbox_page(request, session, service, principal, name, "", history, before)
+    return gearbox_page(request, session, service, principal, window, name, "", history, before)
 
 
 @fleet_router.get("/axes/{name}/gearboxes/{gearbox:path}")
@@ -293,6 +377,7 @@ def gearbox_page(
     session: Reading,
     service: TheService,
     principal: PageViewer,
+    window: TheWindow,
     name: str,
     gearbox: str,
     history: Annotated[int, Query(ge=0)] = 0,
@@ -304,14 +389,7 @@ def gearbox_page(
         history: which of the gearboxes that had this name, from 1; the last one where 0.
         before: the newest recordings before this one.
     """
-    known = service.fleet.place(session, name, gearbox or None)
-    found = known.histories if known else ()
-    if known is None or not found or history > len(found):
-        if not is_axis(session, name):
-            raise NotFoundError(unknown_axis(session, name))
-        raise NotFoundError(f"no gearbox {gearbox!r} is known at axis {name!r}")
-    shown = found[history - 1 if history else -1]
-    trend = known.trend if shown.until is None else trend_of(session, shown)
+    found, shown, trend = history_of(session, service, name, gearbox, history)
     at, zone = now(), service.settings.time_zone
     stands = standing(shown, trend, at, service.settings.silent_after) if shown.until is None else None
     heard = list(reversed(shown.heard))
@@ -331,8 +409,10 @@ def gearbox_page(
         "changed": trend_words(trend, zone),
         "at_once": question_of(shown, trend, zone),
         "evidence": evidence_words(trend) if trend else None,
-        "charts": charts_of(trend, shown, sizes_of(session, shown)) if trend else (),
-        "level": level_chart(trend, shown) if trend else None,
+        "charts": charts_of(trend, shown, sizes_of(session, shown), window) if trend else (),
+        "window": window,
+        "query": urlencode([("gearbox", gearbox), *request.query_params.multi_items()]),
+        "neighbours": [one for one in gearbox_names(session, name, most=ROWS) if one != gearbox] if trend else (),
         "heard": page,
         "older": page[-1].recording_id if first + ROWS < len(heard) else None,
         "investigations": investigations_of(session, shown),
@@ -340,6 +420,24 @@ def gearbox_page(
         "day": lambda value: day(value, zone),
     }
     return render(request, "gearbox.html", context, principal=principal, section=FLEET)
+
+
+def history_of(
+    session: Session, service: Service, name: str, gearbox: str, number: int
+) -> tuple[Sequence[History], History, Trend | None]:
+    """Return the gearboxes that had a name; one of them, counted from 1, the last one where 0; and its trend.
+
+    Raises:
+        NotFoundError: if there is none.
+    """
+    known = service.fleet.place(session, name, gearbox or None)
+    found = known.histories if known else ()
+    if known is None or not found or number > len(found):
+        if not is_axis(session, name):
+            raise NotFoundError(unknown_axis(session, name))
+        raise NotFoundError(f"no gearbox {gearbox!r} is known at axis {name!r}")
+    shown = found[number - 1 if number else -1]
+    return found, shown, known.trend if shown.until is None else trend_of(session, shown)
 
 
 def question_of(history: History, trend: Trend | None, zone: str) -> tuple[str, str] | None:

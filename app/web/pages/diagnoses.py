@@ -30,7 +30,7 @@ from app.report.words import (
 from app.service import Reading, Service, TheService
 from app.web.forms import (
     LARGEST_NUMBER,
-    NUMBERS,
+    SAID,
     VERIFICATIONS,
     LabelGiven,
     Verified,
@@ -46,6 +46,7 @@ from app.web.page import (
     ROWS,
     FromOurPage,
     Message,
+    Orders,
     PageAdmin,
     PageOperator,
     PageViewer,
@@ -54,19 +55,28 @@ from app.web.page import (
     below_root,
     demo_ids,
     lead,
+    listing,
     render,
 )
 from casebase.axes import find_axis
 from casebase.cycle.retain import is_undone
-from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
+from casebase.diagnoses import DiagnosisFilter, diagnoses_of, get_diagnosis, list_diagnoses, revise_diagnosis
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import NamedFault
 from casebase.queue import FAULT, UNDECIDED, UNKNOWN, place_in, proposed, waiting
 from casebase.steps import last_step, newest_of, step_name, undo
-from casebase.store.models import Case, StoredDiagnosis
+from casebase.store.models import Case, StoredDiagnosis, StoredRecording
 
 router = APIRouter()
-FILTERS = (("", "All"), *VERDICTS.items())
+ORDERS: Orders = {
+    "": ("newest first", ()),
+    "oldest": ("oldest first", (StoredDiagnosis.id,)),
+    "recording": ("recording", (StoredRecording.file_name,)),
+    "gearbox": ("axis and gearbox", (StoredRecording.axis.nulls_last(), StoredRecording.gearbox.nulls_last())),
+    "label": ("label", (StoredDiagnosis.label.nulls_last(),)),
+    "review": ("review", (StoredDiagnosis.state,)),
+}
+SEARCHED = (StoredDiagnosis.label, StoredRecording.file_name, StoredRecording.axis, StoredRecording.gearbox)
 LONGEST_VERIFICATION = 500
 KINDS = {FAULT: "Fault likely, not confirmed", UNDECIDED: "Undecided", UNKNOWN: "Not in the library"}
 
@@ -90,12 +100,10 @@ def listed(
     session: Reading,
     principal: PageViewer,
     verdict: Literal["", "diagnosed", "ambiguous", "not_in_library", "unusable"] = "",
-    cursor: str | None = None,
 ) -> Response:
     """The list, newest first."""
-    page = list_diagnoses(session, DiagnosisFilter(verdict=verdict or None), cursor=cursor)
-    context: dict[str, object] = {"rows": page.items, "next_cursor": page.next_cursor, "filters": FILTERS}
-    context |= {"chosen": verdict, "word": verdict_word, "how_sure": how_sure}
+    found = listing(request, session, diagnoses_of(DiagnosisFilter(verdict=verdict or None)), ORDERS, SEARCHED)
+    context = {"list": found, "verdicts": VERDICTS, "word": verdict_word, "how_sure": how_sure}
     return render(request, "diagnoses.html", context, principal=principal, section="/diagnoses")
 
 
@@ -110,7 +118,7 @@ def upload_page(request: Request, session: Reading, service: TheService, princip
 def upload(request: Request, principal: PageOperator, upload: TheUpload, service: TheService) -> Response:
     """Take a recording in and diagnose it."""
     check_csrf(request, upload.fields.get("csrf", ""))
-    upload.only("file", "csrf", "axis", "gearbox", "recorded_at", *NUMBERS)
+    upload.only("file", "csrf", "recorded_at", *SAID)
     intake = taken_in(service, upload, told(upload.fields, "recorded_at"), RecordingMetadata)[0].fitted(service.library)
     with service.library.transaction(principal.actor) as session:
         diagnosis = intake.diagnose(service.library, session)

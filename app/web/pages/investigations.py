@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, Response
-from sqlalchemy import select
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from app.api.recordings import UNCHANGING
@@ -31,12 +31,23 @@ from app.report.investigation_report import Part, Shown, box_shown, joints_of, o
 from app.report.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
 from app.service import Reading, TheJobs, TheService
 from app.web.log_preview import log_preview, sound_preview
-from app.web.page import FromOurPage, Headlined, PageAdmin, PageOperator, PageViewer, headlined, lead, light, render
+from app.web.page import (
+    FromOurPage,
+    Headlined,
+    Orders,
+    PageAdmin,
+    PageOperator,
+    PageViewer,
+    headlined,
+    lead,
+    light,
+    listing,
+    render,
+)
 from casebase.axes import list_axes
 from casebase.diagnoses import get_diagnosis
 from casebase.store import revisions
 from casebase.store.models import AxisRevision, RobotRevision, StoredInvestigation
-from casebase.store.pagination import page
 from signals.columns.joint_maps import joint_map_template
 from signals.columns.table_kinds import TEXT, binary_endings, table_kinds
 from signals.telemetry import recognise_columns
@@ -49,15 +60,21 @@ from sim.investigation.unexplained import unexplained_of
 
 router = APIRouter(prefix="/investigations")
 SECTION = "/investigations"
+SUBJECT = func.coalesce(StoredInvestigation.robot, StoredInvestigation.axis)
+ORDERS: Orders = {
+    "": ("newest first", ()),
+    "oldest": ("oldest first", (StoredInvestigation.id,)),
+    "subject": ("axis or robot", (SUBJECT,)),
+    "state": ("state", (StoredInvestigation.state,)),
+}
 
 
 @router.get("")
-def investigation_list(
-    request: Request, session: Reading, principal: PageViewer, cursor: str | None = None
-) -> Response:
+def investigation_list(request: Request, session: Reading, principal: PageViewer) -> Response:
     """Investigations, newest first."""
-    found = page(session, light(), StoredInvestigation.id, cursor=cursor)
-    context = {"rows": headlined(session, found.items), "next_cursor": found.next_cursor}
+    searched = (SUBJECT, StoredInvestigation.state, StoredInvestigation.created_by)
+    found = listing(request, session, light(), ORDERS, searched)
+    context = {"list": found, "rows": headlined(session, found.rows)}
     return render(request, "investigations.html", context, principal=principal, section=SECTION)
 
 

@@ -21,7 +21,7 @@ from app.http.uploads import TheUpload
 from app.recordings import views
 from app.recordings.intake import CaseMetadata
 from app.report import charts
-from app.report.formatting import sentence
+from app.report.formatting import name_of, sentence
 from app.report.recorded import PlotName, chart_of, features_of, spectrogram_png
 from app.service import Reading, Service, TheService
 from app.web.first_hour import axis_cases
@@ -42,6 +42,7 @@ from app.web.forms import (
 from app.web.page import (
     FromOurPage,
     Message,
+    Orders,
     PageAdmin,
     PageViewer,
     SignInNeeded,
@@ -49,6 +50,7 @@ from app.web.page import (
     below_root,
     demo_ids,
     lead,
+    listing,
     of_library,
     render,
     root_of,
@@ -58,15 +60,24 @@ from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.errors import NotFoundError
 from casebase.reasoning.evaluation import Evaluation
 from casebase.search.axis_cases import LabelCases
-from casebase.search.case_filter import CaseFilter
+from casebase.search.case_filter import CaseFilter, selected
 from casebase.steps import last_step, newest_of, step_name
 from casebase.store import erasing
-from casebase.store.models import Case
+from casebase.store.models import Case, StoredRecording
 from casebase.teaching import Teaching, teaching
 from signals.features import catalogue
 
 router = APIRouter()
 SECTION = "/library"
+ORDERS: Orders = {
+    "": ("newest first", ()),
+    "oldest": ("oldest first", (Case.id,)),
+    "label": ("label", (Case.label,)),
+    "recording": ("recording", (StoredRecording.file_name,)),
+    "gearbox": ("axis and gearbox", (StoredRecording.axis.nulls_last(), StoredRecording.gearbox.nulls_last())),
+    "verification": ("verified", (Case.verification.nulls_last(),)),
+}
+SEARCHED = (Case.label, Case.verified_by, StoredRecording.file_name, StoredRecording.axis, StoredRecording.gearbox)
 TAUGHT = "What this case taught the library"
 KEPT = "Kept as a case of the library."
 
@@ -83,22 +94,16 @@ def cases(
     gearbox: str = "",
     state: str = "",
     verification: str = "",
-    cursor: str | None = None,
 ) -> Response:
     """The cases, newest first, by label, axis, gearbox, origin and state."""
     wanted = CaseFilter(
         label or None, origin or None, axis or None, gearbox or None, state or None, verification=verification or None
     )
-    page = service.library.retrieve.cases(session, wanted, limit=100, cursor=cursor)
-    chosen = {"label": label, "origin": origin, "axis": axis, "gearbox": gearbox, "state": state}
-    chosen["verification"] = verification
     counts = service.counts(session)
     context = {
-        "rows": page.items,
-        "next_cursor": page.next_cursor,
-        "chosen": chosen,
-        "query": "&".join(f"{name}={value}" for name, value in chosen.items() if value),
-        "labels": sorted({one for one, _ in counts}),
+        "list": listing(request, session, selected(wanted), ORDERS, SEARCHED),
+        "state": state,
+        "labels": [(one, name_of(one)) for one in sorted({label for label, _ in counts})],
         "counts": sorted(counts.items()),
         "total": sum(counts.values()),
         "choices": choices(one for one, _ in counts),
@@ -180,7 +185,7 @@ def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheS
     said_how(upload.fields.get("verification"))
     fields = told(upload.fields, "verified_by", "verification")
     if size := upload.fields.get("size_rad", "").strip():
-        fields["size_rad"] = number("The size of the fault [rad]", size)
+        fields["size_rad"] = number("The size of the fault", size, "size_rad", upload.fields.get("size_rad.unit", ""))
     another, sure = upload.fields.get("another", ""), upload.fields.get("sure", "")
     try:
         fields["label"] = label_given(service, upload.fields.get("label", ""), another, sure)()
