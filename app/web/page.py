@@ -5,15 +5,15 @@ A session stands in an HttpOnly cookie; forms carry a token that only a page of 
 
 import json
 import secrets
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any, TypeVar
 from urllib.parse import quote, urlencode
 
 from fastapi import Depends, Form, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 from pydantic import BaseModel, ValidationError
-from sqlalchemy import ColumnElement, Select, or_, select
+from sqlalchemy import ColumnElement, Select, select
 from sqlalchemy.orm import Session, defer
 from starlette import types
 from starlette.datastructures import Headers
@@ -21,6 +21,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.axes import units_of
 from app.background_cache import Pending
+from app.fleet import natural
 from app.http.errors import Forbidden, NotAuthenticated, validation_problem
 from app.http.security import (
     COOKIE,
@@ -39,14 +40,14 @@ from app.service import Service, service_of
 from app.web.forms import number_of
 from casebase.origins import DEMO
 from casebase.store.artifacts import active_artifact
-from casebase.store.models import StoredInvestigation
+from casebase.store.models import StoredInvestigation, StoredRecording
+from casebase.store.pagination import searched
 
 Asked = TypeVar("Asked", bound=BaseModel)
-Row = TypeVar("Row")
 ROWS = 50
 """Of a list on a page."""
-Orders = Mapping[str, tuple[str, Any]]
-"""How a list can be sorted, by the word in the address: in words, and by which columns or key; the usual way first."""
+RECORDED = {"recording": StoredRecording.file_name, "axis": StoredRecording.axis, "gearbox": StoredRecording.gearbox}
+"""By what lists of what was recorded are searched and sorted."""
 NAVIGATION = (
     ("/fleet", "Fleet", "1", "viewer"),
     ("/diagnoses", "Diagnoses", "2", "viewer"),
@@ -202,81 +203,59 @@ def lead(service: Service, path: str) -> RedirectResponse:
 
 
 @dataclass(frozen=True)
-class Listing(Generic[Row]):
-    """A page of a list that is searched and sorted by its address.
+class Listing:
+    """A page of a list that its address searches and sorts.
 
     Args:
-        first: how many rows are on the pages before.
-        count: of all pages; None where nobody counted.
-        asked: what the address says besides.
+        found: the rows, and one of the next page if there is one.
+        sorts: by what it can be sorted.
+        asked: what the address says besides `first`, the number of rows before.
+        count: of the rows of all pages, where they were counted.
     """
 
-    rows: Sequence[Row]
+    found: Sequence[Any]
     first: int
-    has_more: bool
-    count: int | None
-    orders: Orders
+    sorts: Sequence[str]
     asked: Mapping[str, str]
+    count: int | None = None
 
     @property
-    def is_narrowed(self) -> bool:
-        """Whether some rows are left out."""
-        return bool(self.first or self.asked.keys() - {"sort"})
-
-    @property
-    def sorts(self) -> list[tuple[str, str]]:
-        """The ways to sort it."""
-        return [(name, words) for name, (words, _) in self.orders.items()]
+    def rows(self) -> Sequence[Any]:
+        return self.found[:ROWS]
 
     def at(self, pages: int) -> str:
         """Return the address of the page that stands so many pages further on."""
         return f"?{urlencode({**self.asked, 'first': max(0, self.first + pages * ROWS)})}"
 
 
-def _listed(
-    request: Request, orders: Orders, found: Callable[[list[str], Any, int], tuple[Sequence[Row], int | None]]
-) -> Listing[Row]:
+def listing(request: Request, session: Session, known: Select[Any] | Sequence[Any], **columns: Any) -> Listing:
+    """Return the page of a list that the address asks for; every word that is searched stands in a column of text.
+
+    Args:
+        known: a statement, whose usual order is the newest first; or all rows in theirs.
+        columns: by what it can be sorted, of the statement, or as functions of a row.
+    """
     given = {name: value.replace("\0", "") for name, value in request.query_params.items()}
     asked = {name: value for name, value in given.items() if value and name not in ("first", "step", "undone")}
-    by = orders.get(asked.get("sort", ""), next(iter(orders.values())))[1]
-    first = number_of(request, "first") or 0
-    rows, count = found(asked.get("search", "")[:200].lower().split(), by, first)
-    return Listing(rows[:ROWS], first, len(rows) > ROWS, count, orders, asked)
+    words = asked.get("search", "")[:200].lower().split()
+    first, sort = number_of(request, "first") or 0, asked.get("sort", "")
+    if isinstance(known, Select):
+        sorts = {"oldest_first": known.column_descriptions[0]["entity"].id, **columns}
+        meant = [[word, *(label for label, name in NAMES.items() if f" {word}" in f" {name}")] for word in words]
+        texts = [*columns.values()]
+        rows = searched(session, known, texts, meant, by=sorts.get(sort), first=first, most=ROWS + 1)
+        return Listing(rows, first, [*sorts], asked)
 
+    def holds(row: Any, word: str) -> bool:
+        return any(word in text.lower() for of in columns.values() if isinstance(text := of(row), str))
 
-def listing(
-    request: Request,
-    session: Session,
-    statement: Select[Any],
-    orders: Orders,
-    searched: Sequence[Any],
-) -> Listing[Any]:
-    """Return the page of a list in the database; each word that is searched stands in one of the columns `searched`."""
-    entity = statement.column_descriptions[0]["entity"]
+    def key(row: Any) -> Any:
+        value = columns[sort](row)
+        return natural(value) if isinstance(value, str) else value
 
-    def found(words: list[str], by: Sequence[ColumnElement[Any]], first: int) -> tuple[Sequence[Any], None]:
-        wanted = statement
-        for word in words:
-            meant = [word, *(label for label, name in NAMES.items() if f" {word}" in f" {name}")]
-            holds = (column.icontains(each, autoescape=True) for column in searched for each in meant)
-            wanted = wanted.where(or_(*holds))
-        # ids alone are sorted: a row may have a long document
-        keys = wanted.with_only_columns(entity.id).order_by(*by, entity.id.desc()).offset(first).limit(ROWS + 1)
-        ids = session.scalars(keys).all()
-        rows = session.scalars(statement.where(entity.id.in_(ids))).unique()
-        return sorted(rows, key=lambda row: ids.index(row.id)), None
-
-    return _listed(request, orders, found)
-
-
-def listing_of(request: Request, known: Iterable[Row], orders: Orders, text: Callable[[Row], str]) -> Listing[Row]:
-    """Return the page of a list that is known already; each word that is searched stands in the text of a row."""
-
-    def found(words: list[str], by: Callable[[Row], Any] | None, first: int) -> tuple[Sequence[Row], int]:
-        rows = [row for row in known if all(word in text(row).lower() for word in words)]
-        return (sorted(rows, key=by) if by else rows)[first : first + ROWS + 1], len(rows)
-
-    return _listed(request, orders, found)
+    rows = [row for row in known if all(holds(row, word) for word in words)]
+    rows = sorted(rows, key=key) if sort in columns else rows
+    return Listing(rows[first : first + ROWS + 1], first, [*columns], asked, len(rows))
 
 
 def waiting_page(

@@ -115,6 +115,7 @@ def test_an_unknown_axis_is_said(opened: Opened, site: Site) -> None:
         form = page.locator("main form")
         form.get_by_label("Recording", exact=True).set_input_files(site.recording)
         form.get_by_label("Axis", exact=True).fill("nobody")
+        form.get_by_label("a new axis").check()
         form.get_by_role("button", name="Diagnose", exact=True).click()
         expect(page.locator(".crumbs")).to_contain_text("nobody (not described)")
         expect(page.locator("#evidence")).to_contain_text("No axis is described as 'nobody'")

@@ -31,7 +31,6 @@ from app.web.page import (
     ROWS,
     FromOurPage,
     Message,
-    Orders,
     PageAdmin,
     PageOperator,
     PageViewer,
@@ -48,17 +47,6 @@ from casebase.store.models import AuditEntry, StoredJob
 
 router = APIRouter()
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
-ENTRIES: Orders = {
-    "": ("newest first", ()),
-    "oldest": ("oldest first", (AuditEntry.id,)),
-    "who": ("who", (AuditEntry.actor,)),
-}
-WORK: Orders = {
-    "": ("newest first", ()),
-    "oldest": ("oldest first", (StoredJob.id,)),
-    "kind": ("kind", (StoredJob.kind,)),
-    "state": ("state", (StoredJob.state,)),
-}
 alarms = APIRouter(prefix="/alarms")
 ALARMS = "/alarms"
 CHANGES: dict[tuple[str, str], tuple[Callable[[Session, str], object], str]] = {
@@ -74,8 +62,8 @@ OptionalText = Annotated[str, Form()]
 @router.get("/jobs")
 def job_list(request: Request, session: Reading, jobs: TheJobs, principal: PageOperator) -> Response:
     """The jobs, newest first, and the workers that run them."""
-    searched = (StoredJob.kind, StoredJob.state, StoredJob.submitted_by)
-    found = listing(request, session, select(StoredJob), WORK, searched)
+    columns = {"kind": StoredJob.kind, "state": StoredJob.state, "by": StoredJob.submitted_by}
+    found = listing(request, session, select(StoredJob), **columns)
     context = {"list": found, "jobs": [job_of(row) for row in found.rows], "workers": jobs.workers()}
     return render(request, "jobs.html", context, principal=principal, section="/jobs")
 
@@ -145,8 +133,8 @@ def docs(request: Request, principal: Visitor) -> Response:
 @router.get("/audit")
 def audit_log(request: Request, session: Reading, principal: PageAdmin) -> Response:
     """Who did what to which, newest first."""
-    searched = (AuditEntry.actor, AuditEntry.action, AuditEntry.subject_kind, AuditEntry.subject_id)
-    found = listing(request, session, select(AuditEntry), ENTRIES, searched)
+    columns = {"who": AuditEntry.actor, "what": AuditEntry.action, "subject": AuditEntry.subject_id}
+    found = listing(request, session, select(AuditEntry), **columns)
     return render(request, "audit.html", {"list": found}, principal=principal, section="/audit")
 
 

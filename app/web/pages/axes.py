@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Annotated, Literal
 from urllib.parse import quote, urlencode
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
@@ -10,11 +10,12 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 import tomli_w
 from fastapi import APIRouter, Depends, Form, Query, Request
 from fastapi.responses import JSONResponse, Response
+from pydantic import BeforeValidator
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.axes import check_known
-from app.fleet import natural
+from app.fleet import Gearbox, natural
 from app.http.errors import NotFound, Unprocessable
 from app.report.charts import Window, charts_of
 from app.report.standing_words import WORDS, day, evidence_words, next_steps, since_words, state_badge, trend_words, why
@@ -25,11 +26,10 @@ from app.web.page import (
     ROWS,
     FromOurPage,
     Headlined,
-    Orders,
     PageOperator,
     PageViewer,
     lead,
-    listing_of,
+    listing,
     newest,
     render,
     waiting_page,
@@ -58,12 +58,12 @@ from sim.robot.robot import Robot
 robots = APIRouter(prefix="/robots")
 router = APIRouter(prefix="/axes")
 fleet_router = APIRouter()
+Moment = Annotated[datetime | None, BeforeValidator(lambda text: text or None)]
 Word = Annotated[str, Query(max_length=200, pattern=r"^[^\x00]*$")]
 SECTION = "/axes"
 LISTED = 10
 OVER_IT = 3
 """Gearboxes that are laid over one: there is no fifth colour."""
-LISTS: Orders = {"": ("name", None), "robots": ("robots first", lambda one: not one[0])}
 
 
 @router.get("")
@@ -71,7 +71,8 @@ def axis_list(request: Request, session: Reading, principal: PageViewer) -> Resp
     """Every axis and robot at its current revision, and axes that only recordings name."""
     robots = session.scalars(select(RobotRevision.name).distinct())
     known = [*((False, name) for name in axis_names(session)), *((True, name) for name in robots)]
-    found = listing_of(request, sorted(known, key=lambda one: natural(one[1])), LISTS, lambda one: one[1])
+    by_name = sorted(known, key=lambda one: natural(one[1]))
+    found = listing(request, session, by_name, name=lambda one: one[1], robots_first=lambda one: not one[0])
     shown = [name for _, name in found.rows]
     described: dict[tuple[bool, str], object] = {
         **{(False, row.name): row for row in revisions.current(session, AxisRevision, names=shown)},
@@ -257,12 +258,6 @@ def robot_urdf(session: Reading, _: PageViewer, name: str) -> Response:
 
 
 FLEET = "/fleet"
-ORDERS: Orders = {
-    "": ("worst first", None),
-    "gearbox": ("axis and gearbox", lambda row: (natural(row.axis), natural(row.gearbox or ""))),
-    "since": ("last change first", lambda row: age(row.standing and row.standing.since)),
-    "last": ("last recording first", lambda row: age(row.standing and row.standing.last and row.standing.last.at)),
-}
 SAID_OF = (Reason.NAMED, Reason.UNDECIDED, Reason.UNLIKE)
 SAID_BY = ("fault", "hypotheses", "labels", "quality", "remarks", "novelty", "recording", "provenance")
 """Parts of a diagnosis that are needed to say in short what it says."""
@@ -286,7 +281,7 @@ def fleet(
     known = [(row, row.state) for row in service.fleet.gearboxes(session, at, service.settings.silent_after)]
     counts = Counter(here for _, here in known)
     wanted = [row for row, here in known if state in (None, here)]
-    found = listing_of(request, wanted, ORDERS, lambda row: f"{row.axis} {row.gearbox or ''}")
+    found = listing(request, session, wanted, gearbox=name_of_place, last_change=changed, last_recording=heard)
     rows = found.rows
     said, of_axes = diagnoses_said(session, [row.standing for row in rows]), axis_cases(service, session)
     context = {
@@ -304,9 +299,19 @@ def fleet(
     return render(request, "fleet.html", context, principal=principal, section=FLEET)
 
 
-def age(at: datetime | None) -> float:
-    """Return how long ago a time was, to sort by; what never was is the oldest."""
-    return -at.timestamp() if at else 0.0
+def name_of_place(row: Gearbox) -> str:
+    """Return the name of an axis and of its gearbox."""
+    return f"{row.axis}, {row.gearbox or ''}"
+
+
+def changed(row: Gearbox) -> float:
+    """Return by what gearboxes are sorted that changed their state, the last one first."""
+    return -row.standing.since.timestamp() if row.standing and row.standing.since else 0.0
+
+
+def heard(row: Gearbox) -> float:
+    """Return by what gearboxes are sorted, the one that was recorded last first."""
+    return -row.standing.last.at.timestamp() if row.standing and row.standing.last else 0.0
 
 
 def window_of(
@@ -314,22 +319,14 @@ def window_of(
     service: TheService,
     _: PageViewer,
     name: str,
-    since: Annotated[str, Query(alias="from", max_length=40)] = "",
-    until: Annotated[str, Query(alias="to", max_length=40)] = "",
+    since: Annotated[Moment, Query(alias="from")] = None,
+    until: Annotated[Moment, Query(alias="to")] = None,
     others: Annotated[list[Word] | None, Query(alias="with")] = None,
 ) -> Window:
     """Dependency: what the address says of a trend; a day alone is the whole day at the site."""
-    try:
-        times = [datetime.fromisoformat(text) if text else None for text in (since, until)]
-    except ValueError:
-        raise Unprocessable(
-            f"A time must look like 2026-11-20 or 2026-11-20T14:03Z, got {since!r} to {until!r}."
-        ) from None
-    first, last = (
-        at and (at if at.tzinfo else at.replace(tzinfo=ZoneInfo(service.settings.time_zone))) for at in times
-    )
-    if last and len(until) == len("2026-11-20"):
-        last += timedelta(days=1)
+    zone = ZoneInfo(service.settings.time_zone)
+    first = since and (since if since.tzinfo else since.replace(tzinfo=zone))
+    last = until and (until if until.tzinfo else until.replace(tzinfo=zone, hour=23, minute=59, second=59))
     beside = {one: service.fleet.place(session, name, one) for one in (others or ())[:OVER_IT]}
     return Window(first, last, {one: known.trend for one, known in beside.items() if known and known.trend})
 

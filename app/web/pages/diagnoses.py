@@ -43,10 +43,10 @@ from app.web.forms import (
     told,
 )
 from app.web.page import (
+    RECORDED,
     ROWS,
     FromOurPage,
     Message,
-    Orders,
     PageAdmin,
     PageOperator,
     PageViewer,
@@ -65,18 +65,9 @@ from casebase.errors import NotFoundError
 from casebase.gearbox_state import NamedFault
 from casebase.queue import FAULT, UNDECIDED, UNKNOWN, place_in, proposed, waiting
 from casebase.steps import last_step, newest_of, step_name, undo
-from casebase.store.models import Case, StoredDiagnosis, StoredRecording
+from casebase.store.models import Case, StoredDiagnosis
 
 router = APIRouter()
-ORDERS: Orders = {
-    "": ("newest first", ()),
-    "oldest": ("oldest first", (StoredDiagnosis.id,)),
-    "recording": ("recording", (StoredRecording.file_name,)),
-    "gearbox": ("axis and gearbox", (StoredRecording.axis.nulls_last(), StoredRecording.gearbox.nulls_last())),
-    "label": ("label", (StoredDiagnosis.label.nulls_last(),)),
-    "review": ("review", (StoredDiagnosis.state,)),
-}
-SEARCHED = (StoredDiagnosis.label, StoredRecording.file_name, StoredRecording.axis, StoredRecording.gearbox)
 LONGEST_VERIFICATION = 500
 KINDS = {FAULT: "Fault likely, not confirmed", UNDECIDED: "Undecided", UNKNOWN: "Not in the library"}
 
@@ -102,7 +93,9 @@ def listed(
     verdict: Literal["", "diagnosed", "ambiguous", "not_in_library", "unusable"] = "",
 ) -> Response:
     """The list, newest first."""
-    found = listing(request, session, diagnoses_of(DiagnosisFilter(verdict=verdict or None)), ORDERS, SEARCHED)
+    wanted = diagnoses_of(DiagnosisFilter(verdict=verdict or None))
+    columns = {**RECORDED, "label": StoredDiagnosis.label, "review": StoredDiagnosis.state}
+    found = listing(request, session, wanted, **columns)
     context = {"list": found, "verdicts": VERDICTS, "word": verdict_word, "how_sure": how_sure}
     return render(request, "diagnoses.html", context, principal=principal, section="/diagnoses")
 

@@ -34,7 +34,6 @@ from app.web.log_preview import log_preview, sound_preview
 from app.web.page import (
     FromOurPage,
     Headlined,
-    Orders,
     PageAdmin,
     PageOperator,
     PageViewer,
@@ -60,20 +59,14 @@ from sim.investigation.unexplained import unexplained_of
 
 router = APIRouter(prefix="/investigations")
 SECTION = "/investigations"
-SUBJECT = func.coalesce(StoredInvestigation.robot, StoredInvestigation.axis)
-ORDERS: Orders = {
-    "": ("newest first", ()),
-    "oldest": ("oldest first", (StoredInvestigation.id,)),
-    "subject": ("axis or robot", (SUBJECT,)),
-    "state": ("state", (StoredInvestigation.state,)),
-}
 
 
 @router.get("")
 def investigation_list(request: Request, session: Reading, principal: PageViewer) -> Response:
     """Investigations, newest first."""
-    searched = (SUBJECT, StoredInvestigation.state, StoredInvestigation.created_by)
-    found = listing(request, session, light(), ORDERS, searched)
+    subject = func.coalesce(StoredInvestigation.robot, StoredInvestigation.axis)
+    columns = {"axis_or_robot": subject, "state": StoredInvestigation.state, "by": StoredInvestigation.created_by}
+    found = listing(request, session, light(), **columns)
     context = {"list": found, "rows": headlined(session, found.rows)}
     return render(request, "investigations.html", context, principal=principal, section=SECTION)
 

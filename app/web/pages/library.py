@@ -40,9 +40,9 @@ from app.web.forms import (
     told,
 )
 from app.web.page import (
+    RECORDED,
     FromOurPage,
     Message,
-    Orders,
     PageAdmin,
     PageViewer,
     SignInNeeded,
@@ -63,21 +63,12 @@ from casebase.search.axis_cases import LabelCases
 from casebase.search.case_filter import CaseFilter, selected
 from casebase.steps import last_step, newest_of, step_name
 from casebase.store import erasing
-from casebase.store.models import Case, StoredRecording
+from casebase.store.models import Case
 from casebase.teaching import Teaching, teaching
 from signals.features import catalogue
 
 router = APIRouter()
 SECTION = "/library"
-ORDERS: Orders = {
-    "": ("newest first", ()),
-    "oldest": ("oldest first", (Case.id,)),
-    "label": ("label", (Case.label,)),
-    "recording": ("recording", (StoredRecording.file_name,)),
-    "gearbox": ("axis and gearbox", (StoredRecording.axis.nulls_last(), StoredRecording.gearbox.nulls_last())),
-    "verification": ("verified", (Case.verification.nulls_last(),)),
-}
-SEARCHED = (Case.label, Case.verified_by, StoredRecording.file_name, StoredRecording.axis, StoredRecording.gearbox)
 TAUGHT = "What this case taught the library"
 KEPT = "Kept as a case of the library."
 
@@ -100,8 +91,9 @@ def cases(
         label or None, origin or None, axis or None, gearbox or None, state or None, verification=verification or None
     )
     counts = service.counts(session)
+    columns = {**RECORDED, "label": Case.label, "verified": Case.verification}
     context = {
-        "list": listing(request, session, selected(wanted), ORDERS, SEARCHED),
+        "list": listing(request, session, selected(wanted), **columns),
         "state": state,
         "labels": [(one, name_of(one)) for one in sorted({label for label, _ in counts})],
         "counts": sorted(counts.items()),
