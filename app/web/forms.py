@@ -13,16 +13,16 @@ from fastapi import Depends, Form, Request
 from pydantic import TypeAdapter, ValidationError
 from sqlalchemy.orm import Session
 
-from app.axes import in_si
+from app.axes import check_place, in_si
 from app.fleet import natural
 from app.http.errors import Forbidden, Unprocessable
 from app.http.security import Principal, Role
 from app.http.uploads import Upload
 from app.recordings.intake import Intake, RecordingMetadata, read_metadata, take_in
-from app.report.formatting import NAMES, name_of, sentence
+from app.report.formatting import NAMES, name_of
 from app.service import Service, TheService
-from casebase.axes import SHOWN, axis_names, is_axis, unknown_axis
-from casebase.gearboxes import gearbox_names, is_gearbox
+from casebase.axes import axis_names
+from casebase.gearboxes import gearbox_names
 from casebase.labels import GEAR_DAMAGE, OTHER_WORDS
 from casebase.store.fields import Label
 from sim.errors import ParameterError
@@ -187,22 +187,6 @@ def taken_in(
     metadata: Known = read_metadata(json.dumps(fields), model)
     file = upload.file("file")
     return take_in(service.library, file.path, file.name, file.media_type, metadata), metadata
-
-
-def check_place(session: Session, fields: Mapping[str, object]) -> None:
-    """Refuse an axis or a gearbox that nothing knows, unless the form says that it is new.
-
-    The first gearbox of an axis is new anyway.
-    """
-    axis, gearbox = str(fields.get("axis") or "") or None, str(fields.get("gearbox") or "")
-    if axis and not fields.get("new_axis") and not is_axis(session, axis):
-        words = sentence(unknown_axis(session, axis))
-        raise Unprocessable(f"{words} Choose one of the list, or tick that it is a new axis.")
-    others = gearbox_names(session, axis)
-    if gearbox and others and not fields.get("new_gearbox") and not is_gearbox(session, axis, gearbox):
-        where = f" at axis {axis!r}" if axis else ""
-        words = f"No gearbox {gearbox!r} is known{where}; there are {', '.join(others[:SHOWN])}."
-        raise Unprocessable(f"{words} Choose one of the list, or tick that it is a new gearbox.")
 
 
 def told(fields: dict[str, str], *words: str) -> dict[str, object]:

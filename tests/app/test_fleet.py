@@ -144,7 +144,7 @@ def test_what_changed_at_once_is_asked_and_each_answer_is_one_click(service: Ins
 
 
 def test_a_trend_is_seen_from_day_to_day_with_another_over_it(service: Inside) -> None:
-    path, day = "/axes/arm/trends/0?gearbox=rising", (now() - timedelta(days=10)).date()
+    path, day = "/axes/arm/gearboxes/rising?chart=0", (now() - timedelta(days=10)).date()
     whole = service.browse("GET", path).json()
     part = service.browse("GET", f"{path}&from={day}&with=good").json()
     assert len(whole["x"]) == 30
@@ -152,9 +152,8 @@ def test_a_trend_is_seen_from_day_to_day_with_another_over_it(service: Inside) -
     assert min(part["x"]) >= 19
     linked = service.browse("GET", f"/axes/arm/gearboxes/rising?from={day}&with=good").text
     assert f'name="from" type="date" value="{day}"' in linked
-    assert f"gearbox=rising&amp;from={day}&amp;with=good" in linked
+    assert f"?chart=0&amp;from={day}&amp;with=good" in linked
     assert service.browse("GET", f"{path}&from=monday").status_code == 422
-    assert service.browse("GET", "/axes/arm/trends/9?gearbox=rising").status_code == 404
 
 
 def test_a_note_has_the_zone_of_the_browser(service: Inside) -> None:

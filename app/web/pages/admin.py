@@ -17,6 +17,7 @@ from sqlalchemy.orm import Session
 from app.alarms.addresses import check_receiver
 from app.alarms.message import message_of
 from app.api.alarms import ReceiverRequest, RuleRequest
+from app.axes import check_place
 from app.documents import KeyRequest
 from app.http import keys
 from app.http.errors import Forbidden, NotAuthenticated, NotFound, Unprocessable
@@ -26,7 +27,7 @@ from app.http.sessions import LASTS, end_session, open_session
 from app.jobs.jobs import job_of
 from app.report.words import VERDICTS
 from app.service import Reading, Service, TheJobs, TheService, service_of
-from app.web.forms import check_place, number
+from app.web.forms import number
 from app.web.page import (
     ROWS,
     FromOurPage,

@@ -3,8 +3,9 @@
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
+from operator import attrgetter
 from typing import Annotated, Literal
-from urllib.parse import quote, urlencode
+from urllib.parse import quote
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import tomli_w
@@ -15,8 +16,8 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.axes import check_known
-from app.fleet import Gearbox, natural
-from app.http.errors import NotFound, Unprocessable
+from app.fleet import natural
+from app.http.errors import Unprocessable
 from app.report.charts import Window, charts_of
 from app.report.standing_words import WORDS, day, evidence_words, next_steps, since_words, state_badge, trend_words, why
 from app.report.words import VERDICTS, in_short, is_compared, sure_of
@@ -258,6 +259,11 @@ def robot_urdf(session: Reading, _: PageViewer, name: str) -> Response:
 
 
 FLEET = "/fleet"
+ORDERS = {
+    "gearbox": attrgetter("name"),
+    "last_change": attrgetter("unchanged"),
+    "last_recording": attrgetter("unheard"),
+}
 SAID_OF = (Reason.NAMED, Reason.UNDECIDED, Reason.UNLIKE)
 SAID_BY = ("fault", "hypotheses", "labels", "quality", "remarks", "novelty", "recording", "provenance")
 """Parts of a diagnosis that are needed to say in short what it says."""
@@ -281,7 +287,7 @@ def fleet(
     known = [(row, row.state) for row in service.fleet.gearboxes(session, at, service.settings.silent_after)]
     counts = Counter(here for _, here in known)
     wanted = [row for row, here in known if state in (None, here)]
-    found = listing(request, session, wanted, gearbox=name_of_place, last_change=changed, last_recording=heard)
+    found = listing(request, session, wanted, **ORDERS)
     rows = found.rows
     said, of_axes = diagnoses_said(session, [row.standing for row in rows]), axis_cases(service, session)
     context = {
@@ -297,21 +303,6 @@ def fleet(
         "day": lambda value: day(value, zone),
     }
     return render(request, "fleet.html", context, principal=principal, section=FLEET)
-
-
-def name_of_place(row: Gearbox) -> str:
-    """Return the name of an axis and of its gearbox."""
-    return f"{row.axis}, {row.gearbox or ''}"
-
-
-def changed(row: Gearbox) -> float:
-    """Return by what gearboxes are sorted that changed their state, the last one first."""
-    return -row.standing.since.timestamp() if row.standing and row.standing.since else 0.0
-
-
-def heard(row: Gearbox) -> float:
-    """Return by what gearboxes are sorted, the one that was recorded last first."""
-    return -row.standing.last.at.timestamp() if row.standing and row.standing.last else 0.0
 
 
 def window_of(
@@ -334,40 +325,7 @@ def window_of(
 TheWindow = Annotated[Window, Depends(window_of)]
 
 
-@fleet_router.get("/axes/{name}/trends/{number}")
-def trend_numbers(
-    session: Reading,
-    service: TheService,
-    _: PageViewer,
-    window: TheWindow,
-    name: str,
-    number: int,
-    gearbox: Word = "",
-    history: Annotated[int, Query(ge=0)] = 0,
-) -> Response:
-    """Numbers of one chart of a trend, for the interactive drawing."""
-    shown, trend = history_of(session, service, name, gearbox, history)[1:]
-    charts = charts_of(trend, shown, sizes_of(session, shown), window) if trend else []
-    if not 0 <= number < len(charts):
-        raise NotFound(f"The trend has {len(charts)} charts.")
-    return JSONResponse(charts[number].document())
-
-
 @fleet_router.get("/axes/{name}/gearboxes")
-def unnamed_gearbox(
-    request: Request,
-    session: Reading,
-    service: TheService,
-    principal: PageViewer,
-    window: TheWindow,
-    name: str,
-    history: Annotated[int, Query(ge=0)] = 0,
-    before: Annotated[str, Query(max_length=32)] = "",
-) -> Response:
-    """What was recorded of an axis without the name of a gearbox."""
-    return gearbox_page(request, session, service, principal, window, name, "", history, before)
-
-
 @fleet_router.get("/axes/{name}/gearboxes/{gearbox:path}")
 def gearbox_page(
     request: Request,
@@ -376,17 +334,29 @@ def gearbox_page(
     principal: PageViewer,
     window: TheWindow,
     name: str,
-    gearbox: str,
+    gearbox: str = "",
     history: Annotated[int, Query(ge=0)] = 0,
     before: Annotated[str, Query(max_length=32)] = "",
+    chart: Annotated[int | None, Query(ge=0)] = None,
 ) -> Response:
     """One gearbox: its state, its trend, what was heard of it and what was done to it.
 
     Args:
         history: which of the gearboxes that had this name, from 1; the last one where 0.
         before: the newest recordings before this one.
+        chart: of the trend, whose numbers are wanted instead of the page.
     """
-    found, shown, trend = history_of(session, service, name, gearbox, history)
+    known = service.fleet.place(session, name, gearbox or None)
+    found = known.histories if known else ()
+    if known is None or not found or history > len(found):
+        if not is_axis(session, name):
+            raise NotFoundError(unknown_axis(session, name))
+        raise NotFoundError(f"no gearbox {gearbox!r} is known at axis {name!r}")
+    shown = found[history - 1 if history else -1]
+    trend = known.trend if shown.until is None else trend_of(session, shown)
+    charts = charts_of(trend, shown, sizes_of(session, shown), window) if trend else []
+    if chart is not None and chart < len(charts):
+        return JSONResponse(charts[chart].document())
     at, zone = now(), service.settings.time_zone
     stands = standing(shown, trend, at, service.settings.silent_after) if shown.until is None else None
     heard = list(reversed(shown.heard))
@@ -406,9 +376,9 @@ def gearbox_page(
         "changed": trend_words(trend, zone),
         "at_once": question_of(shown, trend, zone),
         "evidence": evidence_words(trend) if trend else None,
-        "charts": charts_of(trend, shown, sizes_of(session, shown), window) if trend else (),
+        "charts": charts,
         "window": window,
-        "query": urlencode([("gearbox", gearbox), *request.query_params.multi_items()]),
+        "query": request.url.query,
         "neighbours": [one for one in gearbox_names(session, name, most=ROWS) if one != gearbox] if trend else (),
         "heard": page,
         "older": page[-1].recording_id if first + ROWS < len(heard) else None,
@@ -417,24 +387,6 @@ def gearbox_page(
         "day": lambda value: day(value, zone),
     }
     return render(request, "gearbox.html", context, principal=principal, section=FLEET)
-
-
-def history_of(
-    session: Session, service: Service, name: str, gearbox: str, number: int
-) -> tuple[Sequence[History], History, Trend | None]:
-    """Return the gearboxes that had a name; one of them, counted from 1, the last one where 0; and its trend.
-
-    Raises:
-        NotFoundError: if there is none.
-    """
-    known = service.fleet.place(session, name, gearbox or None)
-    found = known.histories if known else ()
-    if known is None or not found or number > len(found):
-        if not is_axis(session, name):
-            raise NotFoundError(unknown_axis(session, name))
-        raise NotFoundError(f"no gearbox {gearbox!r} is known at axis {name!r}")
-    shown = found[number - 1 if number else -1]
-    return found, shown, known.trend if shown.until is None else trend_of(session, shown)
 
 
 def question_of(history: History, trend: Trend | None, zone: str) -> tuple[str, str] | None:
