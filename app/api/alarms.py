@@ -26,11 +26,12 @@ StateFilter = Annotated[
 ]
 
 
-RECEIVER = {"name": "maintenance team", "kind": "email", "address": "maintenance@example.com", "quiet_from": "22:00"}
-RULE = {"name": "any fault", "kind": "state", "least_probability": 0.9, "receivers": ["0" * 32]}
-
-
-class ReceiverRequest(Question, json_schema_extra={"examples": [{**RECEIVER, "quiet_to": "06:00"}]}):
+class ReceiverRequest(
+    Question,
+    json_schema_extra={
+        "examples": [{"name": "maintenance team", "kind": "email", "address": "maintenance@example.com"}]
+    },
+):
     """Where messages are to go."""
 
     name: Word = Field(description="who or what it is")
@@ -64,7 +65,12 @@ class NewReceiver(ReceiverAnswer):
     )
 
 
-class RuleRequest(Question, json_schema_extra={"examples": [RULE]}):
+class RuleRequest(
+    Question,
+    json_schema_extra={
+        "examples": [{"name": "any fault", "kind": "state", "least_probability": 0.9, "receivers": ["0" * 32]}]
+    },
+):
     """What is to be told: a state of a gearbox, a change of its sound, or its silence."""
 
     name: Word = Field(description="what it is called in messages")

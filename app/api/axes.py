@@ -28,15 +28,15 @@ Name = Annotated[str, Path(min_length=1, max_length=200, pattern=r"^[^\x00]*$", 
 Revision = Annotated[int | None, Query(ge=1, le=2**31 - 1, description="which revision; the current one by default")]
 AfterName = Annotated[str | None, Query(min_length=1, max_length=200, pattern=r"^[^\x00]*$", description=CONTINUES)]
 AfterRevision = Annotated[int | None, Query(ge=1, le=2**31 - 1, description=CONTINUES)]
-TEETH = {"driver_teeth": 12}
 EXAMPLE = {
     "schema": "gearcase-axis/1",
     "name": "axis-a",
     "motor": {"inertia_kg_m2": 0.006, "coulomb_friction_n_m": 0.4},
     "stages": [
-        {**TEETH, "name": "transfer", "driven_teeth": 96, "stiffness_n_m_per_rad": 1920.0, "inertia_kg_m2": 0.02},
-        {**TEETH, "name": "output", "driven_teeth": 150, "stiffness_n_m_per_rad": 1.5e5},
+        {"name": "transfer", "driver_teeth": 12, "driven_teeth": 96, "inertia_kg_m2": 0.02},
+        {"name": "output", "driver_teeth": 12, "driven_teeth": 150},
     ],
+    "transmission": {"stiffness_n_m_per_rad": 1.0e5},
     "load": {"inertia_kg_m2": 40.0},
 }
 TOML = tomli_w.dumps(EXAMPLE)

@@ -95,10 +95,9 @@ Span = Annotated[tuple[PositiveFloat, PositiveFloat], Field(examples=[[20.0, 40.
 LABEL_NAMES = ", ".join(labels())
 
 
-WANTED = {"axis": "axis-a", "counts": {"normal": 50, "play": 100}}
-
-
-class SimulationRequest(Question, json_schema_extra={"examples": [WANTED]}):
+class SimulationRequest(
+    Question, json_schema_extra={"examples": [{"axis": "axis-a", "counts": {"normal": 50, "play": 100}}]}
+):
     """What is to be generated."""
 
     axis: dict[str, object] | str = Field(description="an axis description, or the name of a stored one")

@@ -72,6 +72,9 @@ def describe(app: FastAPI) -> dict[str, Any]:
         )
         document["components"].setdefault("schemas", {})["Problem"] = PROBLEM
         document["servers"] = [{"url": app.root_path or "/"}]
+        for operation in (one for methods in document["paths"].values() for one in methods.values()):
+            said = operation.get("description") or operation["summary"]
+            operation["description"] = f"{said}\n\nRole: {role_of(operation) or 'none'}."
         app.openapi_schema = document
     return app.openapi_schema
 

@@ -110,10 +110,6 @@ class Jobs:
         with self._library.reading() as session:
             return job_of(_row(session, job_id))
 
-    def list(self, *, limit: int = 100) -> tuple[Job, ...]:
-        """The newest jobs first."""
-        return tuple(self.page(limit=limit).items)
-
     def newest_of_axis(self, kind: str, axis: str) -> Job | None:
         """The newest job of a kind whose parameters have this axis; None where there is none."""
         statement = select(StoredJob).where(

@@ -106,8 +106,11 @@ def axis(request: Request, session: Reading, service: TheService, principal: Pag
         "history": list(reversed(history)),
         "toml": tomli_w.dumps(dict(history[-1].document)) if history else None,
         "gearboxes": [
-            (row, state_badge(row.standing, at), why(row.standing, zone)) for row in fleet if row.standing is not None
+            (row, state_badge(row.standing, at), why(row.standing, zone))
+            for row in fleet[:ROWS]
+            if row.standing is not None
         ],
+        "has_more": len(fleet) > ROWS,
         "marks": marks.all(),
         "investigations": newest(session, LISTED, StoredInvestigation.axis == name),
         "listed": LISTED,

@@ -198,7 +198,8 @@ def coverage(request: Request, session: Reading, service: TheService, principal:
     labels = sorted({label for of in known.values() for label in of} | {"normal", "notch", "play"})
     axes = sorted(known, key=lambda axis: axis or "")
     rows = [(axis, label, known[axis].get(label, LabelCases())) for axis in axes for label in labels]
-    return render(request, "coverage.html", {"rows": rows}, principal=principal, section=SECTION)
+    found = listing(request, session, rows, axis=lambda row: row[0] or "", label=lambda row: name_of(row[1]))
+    return render(request, "coverage.html", {"list": found}, principal=principal, section=SECTION)
 
 
 @router.get("/cases/{case_id}/taught", dependencies=[ReadingLimit])

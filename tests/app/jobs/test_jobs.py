@@ -193,7 +193,7 @@ def test_a_restored_job_goes_on_and_one_that_was_over_is_still_told(postgres_dat
     restore(tmp_path / "backup", tmp_path / "new")
     library = CaseLibrary.open(tmp_path / "new")
     new = Place("", library.data_dir, library, Jobs(library, ("count",)))
-    assert {(job.id, job.state) for job in new.jobs.list()} == {(over, "cancelled"), (waiting, "queued")}
+    assert {(job.id, job.state) for job in new.jobs.page().items} == {(over, "cancelled"), (waiting, "queued")}
     assert list(new.jobs.events(over)) == []
     worker = new.work("new")
     try:
