@@ -246,14 +246,12 @@ def listing(request: Request, session: Session, known: Select[Any] | Sequence[An
         rows = searched(session, known, texts, meant, by=sorts.get(sort), first=first, most=ROWS + 1)
         return Listing(rows, first, [*sorts], asked)
 
-    def holds(row: Any, word: str) -> bool:
-        return any(word in text.lower() for of in columns.values() if isinstance(text := of(row), str))
-
     def key(row: Any) -> Any:
         value = columns[sort](row)
         return natural(value) if isinstance(value, str) else value
 
-    rows = [row for row in known if all(holds(row, word) for word in words)]
+    texts = [of for of in columns.values() if known and isinstance(of(known[0]), str)]
+    rows = [row for row in known if all(any(word in of(row).lower() for of in texts) for word in words)]
     rows = sorted(rows, key=key) if sort in columns else rows
     return Listing(rows[first : first + ROWS + 1], first, [*columns], asked, len(rows))
 
