@@ -113,9 +113,9 @@ def page_found(session: Session, axis: str | None, page: PageOf[Document]) -> Pa
     return PageFound(items=page.items, next_cursor=page.next_cursor, remark=remark)
 
 
-class KeyRequest(Question):
-    name: Word = Field(description="whose key it is", examples=["test bench 3"])
-    role: Role = Field(description="a viewer reads, an operator diagnoses, an admin does all", examples=["operator"])
+class KeyRequest(Question, json_schema_extra={"examples": [{"name": "test bench 3", "role": "operator"}]}):
+    name: Word = Field(description="whose key it is")
+    role: Role = Field(description="a viewer reads, an operator diagnoses, an admin does all")
 
 
 class KeyAnswer(Answer, of=ApiKey, without=("key_sha256",)):
@@ -185,7 +185,10 @@ class CaseAnswer(Answer, of=Case, without=("key", "recording_id", "library_versi
     recording: RecordingAnswer
 
 
-class CaseFromDiagnosis(Question):
+FOUND = {"label": "notch", "verified_by": "gearbox opened", "verification": "opened"}
+
+
+class CaseFromDiagnosis(Question, json_schema_extra={"examples": [{"diagnosis_id": "0" * 32, **FOUND}]}):
     """A case made of a diagnosis that somebody has verified."""
 
     diagnosis_id: Annotated[str, Field(pattern=r"^[0-9a-f]{32}$", description="which diagnosis")]
@@ -194,7 +197,7 @@ class CaseFromDiagnosis(Question):
     verification: Verified | None = Field(None, description="the same in one word; by default as the diagnosis says")
 
 
-class CaseChange(Question):
+class CaseChange(Question, json_schema_extra={"examples": [{"state": "retired", "note": "the microphone was loose"}]}):
     """What to change; leave out what stays. `state` retired takes a case out of every search, confirmed back in."""
 
     label: Label | MISSING = Field(MISSING, description="what the recording is a case of")
@@ -210,7 +213,7 @@ class CaseChange(Question):
     quarantine_reason: Text | MISSING | None = Field(MISSING, description="why it is not searched; null: it is")
 
 
-class DiagnosisChange(Question):
+class DiagnosisChange(Question, json_schema_extra={"examples": [{"verdict": "corrected", **FOUND}]}):
     """What a person found: it was right, was another fault, or cannot be used; `open` takes that back."""
 
     verdict: Literal["confirmed", "corrected", "rejected", "open"] = Field(description="what a person found")

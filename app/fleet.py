@@ -42,6 +42,21 @@ class Gearbox:
     """None where nothing of the axis was ever heard or put in."""
 
     @property
+    def name(self) -> str:
+        """Of the axis and of the gearbox."""
+        return f"{self.axis}, {self.gearbox or ''}"
+
+    @property
+    def unchanged(self) -> float:
+        """Grows with the time since its state changed."""
+        return -self.standing.since.timestamp() if self.standing and self.standing.since else 0.0
+
+    @property
+    def unheard(self) -> float:
+        """Grows with the time since its last recording."""
+        return -self.standing.last.at.timestamp() if self.standing and self.standing.last else 0.0
+
+    @property
     def state(self) -> State:
         """What is said of it."""
         return State.CANNOT_SAY if self.standing is None else self.standing.state

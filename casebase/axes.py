@@ -70,6 +70,12 @@ def unknown_axis(session: Session, name: str) -> str:
     return f"no axis is known as {name!r}; {known}{' and others' if len(described) > SHOWN else ''}"
 
 
+def axis_names(session: Session) -> Sequence[str]:
+    """Return the names of the axes that are described or that recordings name."""
+    recorded = select(StoredRecording.axis).where(StoredRecording.axis.is_not(None))
+    return session.scalars(select(AxisRevision.name).union(recorded)).all()
+
+
 def list_axes(session: Session) -> Sequence[AxisRevision]:
     """Return the current revision of every axis, by name."""
     return revisions.current(session, AxisRevision)

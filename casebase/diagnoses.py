@@ -6,7 +6,7 @@ from datetime import datetime
 from importlib.metadata import version
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from casebase.alarms import rules
@@ -118,22 +118,26 @@ def get_diagnosis(session: Session, diagnosis_id: str) -> StoredDiagnosis:
     return row
 
 
-def list_diagnoses(
-    session: Session, wanted: DiagnosisFilter, *, limit: int = 50, cursor: str | None = None
-) -> Page[StoredDiagnosis]:
-    """Return a page of diagnoses, newest first."""
-    statement = select(StoredDiagnosis)
+def diagnoses_of(wanted: DiagnosisFilter) -> Select[StoredDiagnosis]:
+    """Return the statement that selects diagnoses, with their recordings."""
+    statement = select(StoredDiagnosis).join(StoredRecording, StoredRecording.id == StoredDiagnosis.recording_id)
     for column, value in (
         (StoredDiagnosis.verdict, wanted.verdict),
         (StoredDiagnosis.label, wanted.label),
         (StoredDiagnosis.state, wanted.state),
+        (StoredRecording.axis, wanted.axis),
+        (StoredRecording.gearbox, wanted.gearbox),
     ):
         if value is not None:
             statement = statement.where(column == value)
-    for column, value in ((StoredRecording.axis, wanted.axis), (StoredRecording.gearbox, wanted.gearbox)):
-        if value is not None:
-            statement = statement.where(StoredDiagnosis.recording.has(column == value))
-    return page(session, statement, StoredDiagnosis.id, limit=limit, cursor=cursor)
+    return statement
+
+
+def list_diagnoses(
+    session: Session, wanted: DiagnosisFilter, *, limit: int = 50, cursor: str | None = None
+) -> Page[StoredDiagnosis]:
+    """Return a page of diagnoses, newest first."""
+    return page(session, diagnoses_of(wanted), StoredDiagnosis.id, limit=limit, cursor=cursor)
 
 
 def revise_diagnosis(

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, and_, case, false, func, null, or_, select
+from sqlalchemy import ColumnElement, Select, and_, case, exists, false, func, null, or_, select
 from sqlalchemy.orm import Session, aliased
 
 from casebase.labels import BASELINES
@@ -218,6 +218,21 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, GearboxRec
                 left=left if present else (),
             )
     return heard
+
+
+def gearbox_names(session: Session, axis: str | None = None, holding: str = "", most: int = 200) -> Sequence[str]:
+    """Return the names of the gearboxes of an axis, or of all, that hold a text; the last recorded first, not more."""
+    recorded = StoredRecording.gearbox.is_not(None), StoredRecording.gearbox.icontains(holding, autoescape=True)
+    wanted = select(StoredRecording.gearbox).where(*recorded, *([] if axis is None else [StoredRecording.axis == axis]))
+    newest = wanted.group_by(StoredRecording.gearbox).order_by(func.max(StoredRecording.id).desc())
+    return [str(name) for name in session.scalars(newest.limit(most))]
+
+
+def is_gearbox(session: Session, axis: str | None, gearbox: str) -> bool:
+    """Whether a gearbox is known at an axis, or at any: recorded, or put in for another."""
+    recorded = exists().where(StoredRecording.gearbox == gearbox, *([StoredRecording.axis == axis] if axis else []))
+    put_in = exists().where(MaintenanceMark.successor == gearbox, *([MaintenanceMark.axis == axis] if axis else []))
+    return bool(session.scalar(select(or_(recorded, put_in))))
 
 
 def of_places(places: Sequence[Place]) -> ColumnElement[bool]:

@@ -90,10 +90,9 @@ def browser_components() -> list[dict[str, Any]]:
     """Return one component for each package that pages carry into the browser."""
     lock = json.loads((ROOT / "package-lock.json").read_text())["packages"]
     found = []
-    for path, package in sorted(lock.items()):
-        if not path or package.get("dev"):
-            continue
-        name, version = path.removeprefix("node_modules/"), package["version"]
+    for name in sorted(lock[""]["dependencies"]):
+        package = lock[f"node_modules/{name}"]
+        version = package["version"]
         algorithm, _, digest = package["integrity"].partition("-")
         assert algorithm == "sha512"
         reference = f"pkg:npm/{name}@{version}"

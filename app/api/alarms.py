@@ -27,16 +27,21 @@ StateFilter = Annotated[
 ]
 
 
-class ReceiverRequest(Question):
+class ReceiverRequest(
+    Question,
+    json_schema_extra={
+        "examples": [{"name": "maintenance team", "kind": "email", "address": "maintenance@example.com"}]
+    },
+):
     """Where messages are to go."""
 
-    name: Word = Field(description="who or what it is", examples=["maintenance team"])
-    kind: ReceiverKind = Field(description="how it is reached", examples=["email"])
+    name: Word = Field(description="who or what it is")
+    kind: ReceiverKind = Field(description="how it is reached")
     address: Annotated[str, StringConstraints(min_length=1, max_length=2000)] = Field(
-        description="an e-mail address, the URL of a webhook, or an MQTT topic", examples=["maintenance@example.com"]
+        description="an e-mail address, the URL of a webhook, or an MQTT topic"
     )
-    quiet_from: Clock | None = Field(None, description="quiet hours, in the time of the site", examples=["22:00"])
-    quiet_to: Clock | None = Field(None, description="when they end; messages wait for it", examples=["06:00"])
+    quiet_from: Clock | None = Field(None, description="quiet hours, in the time of the site")
+    quiet_to: Clock | None = Field(None, description="when they end; messages wait for it")
 
     @property
     def quiet(self) -> tuple[str, str] | None:
@@ -61,28 +66,33 @@ class NewReceiver(ReceiverAnswer):
     )
 
 
-class RuleRequest(Question):
+class RuleRequest(
+    Question,
+    json_schema_extra={
+        "examples": [{"name": "any fault", "kind": "state", "least_probability": 0.9, "receivers": ["0" * 32]}]
+    },
+):
     """What is to be told: a state of a gearbox, a change of its sound, or its silence."""
 
-    name: Word = Field(description="what it is called in messages", examples=["any fault"])
+    name: Word = Field(description="what it is called in messages")
     kind: RuleKind = Field(
         description="state: a fault stands, or the newest diagnosis has a verdict; change: it sounds otherwise than it "
         "did; silence: not heard"
     )
-    axis: AxisName | None = Field(None, description="only of this axis", examples=[None])
-    gearbox: Word | None = Field(None, description="only of this gearbox", examples=[None])
+    axis: AxisName | None = Field(None, description="only of this axis")
+    gearbox: Word | None = Field(None, description="only of this gearbox")
     verdict: Literal["diagnosed", "ambiguous", "not_in_library", "unusable"] | None = Field(
-        None, description="of a state: the verdict; a fault that was diagnosed where not given", examples=[None]
+        None, description="of a state: the verdict; a fault that was diagnosed where not given"
     )
-    label: Label | None = Field(None, description="of a fault: which one; any where not given", examples=[None])
+    label: Label | None = Field(None, description="of a fault: which one; any where not given")
     least_probability: Annotated[float, Field(ge=0, le=1)] | None = Field(
-        None, description="of a fault: no less than this", examples=[0.9]
+        None, description="of a fault: no less than this"
     )
     least_size_rad: Positive | None = Field(
-        None, description="of a fault: no smaller than this, at the driven gear [rad]", examples=[None]
+        None, description="of a fault: no smaller than this, at the driven gear [rad]"
     )
     silent_days: Annotated[float, Field(gt=0, le=3650)] | None = Field(
-        None, description="of silence: not heard for so long [d]", examples=[None]
+        None, description="of silence: not heard for so long [d]"
     )
     receivers: Annotated[list[Id], Field(min_length=1, max_length=50)] = Field(description="ids of who is told")
 

@@ -36,6 +36,7 @@ EXAMPLE = {
         {"name": "transfer", "driver_teeth": 12, "driven_teeth": 96, "inertia_kg_m2": 0.02},
         {"name": "output", "driver_teeth": 12, "driven_teeth": 150},
     ],
+    "transmission": {"stiffness_n_m_per_rad": 1.0e5},
     "load": {"inertia_kg_m2": 40.0},
 }
 TOML = tomli_w.dumps(EXAMPLE)

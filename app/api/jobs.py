@@ -95,14 +95,14 @@ Span = Annotated[tuple[PositiveFloat, PositiveFloat], Field(examples=[[20.0, 40.
 LABEL_NAMES = ", ".join(labels())
 
 
-class SimulationRequest(Question):
+class SimulationRequest(
+    Question, json_schema_extra={"examples": [{"axis": "axis-a", "counts": {"normal": 50, "play": 100}}]}
+):
     """What is to be generated."""
 
     axis: dict[str, object] | str = Field(description="an axis description, or the name of a stored one")
     per_label: Count = Field(100, description=f"cases of each of {', '.join(LABELS)}")
-    counts: dict[str, Count] | None = Field(
-        None, description=f"cases by label instead; labels are {LABEL_NAMES}", examples=[{"normal": 50, "play": 100}]
-    )
+    counts: dict[str, Count] | None = Field(None, description=f"cases by label instead; labels are {LABEL_NAMES}")
     seed: int = Field(0, ge=0, lt=2**31, description="the same seed gives the same cases")
     duration_s: float = Field(DURATION_S, ge=1.0, le=120.0, description="of each recording [s]")
     payload_kg_m2: Span | None = Field(None, description="from, to; around the axis's own if not given [kg m2]")

@@ -5,10 +5,9 @@ import os
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response, status
-from fastapi.responses import HTMLResponse
 from prometheus_client import generate_latest
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from sqlalchemy import text
@@ -19,7 +18,6 @@ from app.documents import AuditAnswer, Cursor, Identifier, KeyAnswer, KeyRequest
 from app.http import keys
 from app.http.errors import Unavailable
 from app.http.idempotency import Made, OnlyOnce
-from app.http.reference import reference_page
 from app.http.security import Admin, Viewer
 from app.service import Reading, Service, TheService, service_of
 from casebase.store import audit
@@ -76,13 +74,6 @@ def faults(service: Service) -> list[str]:
 def metrics(_: Viewer, service: TheService) -> Response:
     """Counters in Prometheus' text format."""
     return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_PLAIN_0_0_4)
-
-
-@router.get("/docs", include_in_schema=False)
-def docs(request: Request) -> HTMLResponse:
-    """The API explained on one page that needs neither scripts nor network."""
-    document: dict[str, Any] = request.app.openapi()
-    return HTMLResponse(reference_page(document, str(request.base_url)))
 
 
 @inside.get("/limits", tags=["service"])

@@ -34,7 +34,7 @@ Id = Annotated[str, typer.Argument(metavar="JOB", help="id of the job")]
 def list_jobs(json: Json = False) -> None:
     """List the newest jobs."""
     with open_jobs(frame.settings()) as opened:
-        found = opened.list()
+        found = opened.page(limit=100).items
     rows = [
         (
             job.id,

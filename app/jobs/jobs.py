@@ -33,6 +33,8 @@ ACTOR = "jobs"
 POLL_S = 0.5
 OVER: tuple[JobState, ...] = ("done", "failed", "cancelled")
 ENTRIES = select(StoredJob).options(undefer(StoredJob.parameters))
+ORDERED = ENTRIES.where(StoredJob.kind != DELIVERIES)
+"""The jobs that people order; those that send messages stand in the outbox."""
 KINDS: dict[str, tuple[str, str]] = {
     "simulations": ("app.simulated.generation", "simulations"),
     "investigations": ("app.investigations", "investigations"),
@@ -93,7 +95,7 @@ class Jobs:
             )
             session.add(row)
             session.flush()
-        return _job(row)
+        return job_of(row)
 
     def submit(
         self,
@@ -110,13 +112,7 @@ class Jobs:
     def get(self, job_id: str) -> Job:
         """The job as it is now. Raises JobNotFoundError."""
         with self._library.reading() as session:
-            return _job(_row(session, job_id))
-
-    def list(self, *, limit: int = 100) -> tuple[Job, ...]:
-        """The newest jobs first, without those that send messages: the outbox has these."""
-        ordered = ENTRIES.where(StoredJob.kind != DELIVERIES).order_by(StoredJob.id.desc())
-        with self._library.reading() as session:
-            return tuple(_job(row) for row in session.scalars(ordered.limit(limit)))
+            return job_of(_row(session, job_id))
 
     def newest_of_axis(self, kind: str, axis: str) -> Job | None:
         """The newest job of a kind whose parameters have this axis; None where there is none."""
@@ -125,13 +121,13 @@ class Jobs:
         )
         with self._library.reading() as session:
             found = session.scalar(statement.order_by(StoredJob.id.desc()).limit(1))
-            return None if found is None else _job(found)
+            return None if found is None else job_of(found)
 
     def page(self, *, limit: int = 50, cursor: str | None = None) -> Page[Job]:
         """A page of the jobs, the newest first. Raises InvalidCursorError."""
         with self._library.reading() as session:
             found = page(session, ENTRIES, StoredJob.id, limit=limit, cursor=cursor)
-            return Page([_job(row) for row in found.items], found.next_cursor)
+            return Page([job_of(row) for row in found.items], found.next_cursor)
 
     def news(self, job_id: str, *, after: int = -1) -> tuple[Sequence[JobEvent], bool]:
         """The history after event number `after`, and whether nothing will follow. Raises JobNotFoundError."""
@@ -162,7 +158,7 @@ class Jobs:
                 raise JobStateError(f"job {job_id} is {row.state}: only a queued or running job can be cancelled")
             if row.state != "cancelled":
                 row.state, row.finished_at, row.worker = "cancelled", now(), None
-            return _job(row)
+            return job_of(row)
 
     def resume(self, job_id: str) -> Job:
         """Go on with a cancelled job where it was. Raises JobStateError."""
@@ -171,7 +167,7 @@ class Jobs:
             if row.state != "cancelled":
                 raise JobStateError(f"job {job_id} is {row.state}: only a cancelled job can be resumed")
             row.state, row.finished_at = "queued", None
-            return _job(row)
+            return job_of(row)
 
     def workers(self) -> dict[str, int]:
         """Workers that have jobs, or steps of them, in hand, and how many."""
@@ -194,7 +190,8 @@ def _row(session: Session, job_id: str, *, lock: bool = False) -> StoredJob:
     return row
 
 
-def _job(row: StoredJob) -> Job:
+def job_of(row: StoredJob) -> Job:
+    """Return the job of a row."""
     asked: Mapping[str, Any] = row.parameters
     return Job(
         id=row.id,

@@ -1,8 +1,8 @@
 """What the pages plot: one description per chart, drawn as SVG at once and sent as JSON to the interactive plot."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import datetime
 
 import numpy as np
@@ -38,6 +38,8 @@ class Chart:
     events: tuple[float, ...] = ()
     stretches: tuple[Stretch, ...] = ()
     cursor: str = ""
+    clock: tuple[str, float] | None = None
+    """Of a trend: the time at which x is 0, ISO 8601, and the length of its unit [s]."""
 
     def svg(self, width: float = 640.0, height: float = 220.0) -> Markup:
         """Draw it."""
@@ -55,15 +57,15 @@ class Chart:
         )
 
     def document(self) -> dict[str, object]:
-        """Return it as JSON for the interactive plot; all series share the x of the first."""
-        x = self.series[0].x
+        """Return it as JSON for the interactive plot; all series share the x of the first, in a trend that of all."""
+        x = self.series[0].x if self.clock is None else np.unique(np.concatenate([one.x for one in self.series]))
         return {
             "title": self.title,
             "x_label": self.x_label,
             "y_label": self.y_label,
             "x": x.tolist(),
             "series": [
-                {"name": one.name, "y": _finite(_on(x, one)), "style": one.style or place}
+                {"name": one.name, "y": _finite(_on(x, one, self.clock is None)), "style": one.style or place}
                 for place, one in enumerate(self.series, start=1)
             ],
             "bands": [{"name": b.name, "low": b.low, "high": b.high} for b in self.bands],
@@ -73,8 +75,12 @@ class Chart:
         }
 
 
-def _on(x: NDArray[np.float64], series: Series) -> NDArray[np.float64]:
-    return series.y if series.x is x else np.interp(x, series.x, series.y, left=np.nan, right=np.nan)
+def _on(x: NDArray[np.float64], series: Series, is_course: bool) -> NDArray[np.float64]:
+    if is_course:
+        return series.y if series.x is x else np.interp(x, series.x, series.y, left=np.nan, right=np.nan)
+    values = np.full(x.size, np.nan)
+    values[np.searchsorted(x, series.x)] = series.y
+    return values
 
 
 def _finite(values: NDArray[np.float64]) -> list[float | None]:
@@ -209,48 +215,68 @@ SHOWN = (
     (f"notch_bump_{LOW}", "Impacts in one direction: rise with tooth damage", "height above noise [dB]"),
     (CREST_FACTOR, "Crest factor below 200 Hz", "crest factor [1]"),
 )
-LEVELS = ("RMS", "peak")
+LEVELS = {"rms": "RMS", "peak": "peak"}
 SIZES = (("size", "value", 1), ("low end of 90 %", "low", 6), ("high end of 90 %", "high", 6))
 """Words, key and style of each line of a size."""
 UNITS = (("days", 86400.0, 2.0), ("hours", 3600.0, 2.0), ("minutes", 60.0, 0.0))
 """Name, length [s], and how many of it a trend must span to be drawn in it."""
 
 
-def charts_of(trend: Trend, history: History, sizes: Mapping[str, Mapping[str, float]]) -> list[Chart]:
-    """Return the charts of a gearbox.
+@dataclass(frozen=True)
+class Window:
+    """What is looked at of a trend: all of it, or what lies between two times, and other gearboxes laid over it."""
+
+    since: datetime | None = None
+    until: datetime | None = None
+    others: Mapping[str, Trend] = field(default_factory=dict)
+
+    def holds(self, at: datetime) -> bool:
+        """Whether a time is looked at."""
+        return (self.since is None or at >= self.since) and (self.until is None or at <= self.until)
+
+
+WHOLE = Window()
+
+
+def charts_of(
+    trend: Trend, history: History, sizes: Mapping[str, Mapping[str, float]], window: Window = WHOLE
+) -> list[Chart]:
+    """Return the charts of a gearbox; RMS and peak, which follow the place of the microphone too, stand last.
 
     Args:
         sizes: of the fault, by the id of the recording: value, low, high [rad].
     """
     marks = _marks(trend, history)
     followed = {one.name: one for one in trend.followed}
-    charts = [_followed(trend, followed[name], title, label, marks) for name, title, label in SHOWN]
+    charts = [_followed(trend, followed[name], title, label, marks, window) for name, title, label in SHOWN]
     leading = trend.leading
     if leading.name not in {name for name, _, _ in SHOWN} and trend.changed:
-        unit = "height above noise [dB]"
-        charts.insert(0, _followed(trend, leading, f"What rises most: {feature_words(leading.name)}", unit, marks))
-    sized = _size(trend, sizes, marks)
-    return [chart for chart in (*charts, sized) if chart is not None]
+        title, unit = f"What rises most: {feature_words(leading.name)}", "height above noise [dB]"
+        charts.insert(0, _followed(trend, leading, title, unit, marks, window))
+    lines = [(words, _times(trend, followed[key].rows), followed[key].values, None) for key, words in LEVELS.items()]
+    level = _chart(trend, "RMS and peak as recorded", "level [unit of the sound]", marks, window, *lines)
+    return [chart for chart in (*charts, _size(trend, sizes, marks, window), level) if chart is not None]
 
 
 def chart_of(trend: Trend, history: History, label: str | None, here: tuple[datetime, str]) -> Chart:
     """Return the chart that rises with the fault of a label, with one recording marked; by default the reversal's."""
     followed = {one.name: one for one in trend.followed}
     name, title, unit = SHOWN[1] if label == "notch" else SHOWN[0]
-    return _followed(trend, followed[name], title, unit, _marks(trend, history, here))
+    return _followed(trend, followed[name], title, unit, _marks(trend, history, here), WHOLE)
 
 
-def _time_axis(trend: Trend) -> tuple[str, Callable[[datetime], float]]:
-    """Return the words of the axis of time, and where a time stands on it."""
+def _time_axis(trend: Trend) -> tuple[str, tuple[str, float], Callable[[datetime], float]]:
+    """Return the words of the axis of time, its clock, and where a time stands on it."""
     start, end = trend.recordings[0].at, trend.recordings[-1].at
     span_s = (end - start).total_seconds()
     name, length_s, _ = next(unit for unit in UNITS if span_s >= unit[1] * unit[2])
     written = f"{start:%Y-%m-%d}" if name == "days" else f"{start:%Y-%m-%d %H:%M} UTC"
-    return f"{name} since {written}", lambda at: (at - start).total_seconds() / length_s
+    clock = start.isoformat(), length_s
+    return f"{name} since {written}", clock, lambda at: (at - start).total_seconds() / length_s
 
 
 def _marks(trend: Trend, history: History, *here: tuple[datetime, str]) -> tuple[Marker, ...]:
-    _, place = _time_axis(trend)
+    *_, place = _time_axis(trend)
     words = [(each.at, each.text if each.kind == NOTE else f"{each.kind}: {each.text}") for each in history.done]
     if trend.at_once is not None:
         words.append((trend.at_once.at, "change at once"))
@@ -259,41 +285,46 @@ def _marks(trend: Trend, history: History, *here: tuple[datetime, str]) -> tuple
     return tuple(Marker(place(at), text[:24]) for at, text in (*words, *here))
 
 
+def _times(trend: Trend, rows: Iterable[int]) -> list[datetime]:
+    return [trend.recordings[row].at for row in rows]
+
+
 def _chart(
     trend: Trend,
     title: str,
     label: str,
     marks: tuple[Marker, ...],
-    *lines: tuple[str, Sequence[int], ArrayLike, int | None],
+    window: Window,
+    *lines: tuple[str, Sequence[datetime], ArrayLike, int | None],
     bands: tuple[Band, ...] = (),
 ) -> Chart:
-    """Return a chart of lines, each with its words, the recordings that it is of, its values and its style."""
-    name, place = _time_axis(trend)
-    series = tuple(
-        Series(words, np.array([place(trend.recordings[row].at) for row in rows]), np.asarray(values), style)
-        for words, rows, values, style in lines
-    )
-    return Chart(title, series, name, label, bands=bands, markers=marks)
+    """Return a chart of lines, each with its words, its times, its values and its style."""
+    name, clock, place = _time_axis(trend)
+    series = []
+    for words, times, values, style in lines:
+        shown = [window.holds(at) for at in times]
+        x = np.array([place(at) for at in times])[shown]
+        series.append(Series(words, x, np.asarray(values)[shown], style))
+    return Chart(title, tuple(series), name, label, bands=bands, markers=marks, clock=clock)
 
 
-def _followed(trend: Trend, one: Followed, title: str, label: str, marks: tuple[Marker, ...]) -> Chart:
+def _followed(trend: Trend, one: Followed, title: str, label: str, marks: tuple[Marker, ...], window: Window) -> Chart:
     found = one.expected()
     expected = Band(f"expected: all but 1 in {RECORDINGS_PER_FALSE_ALARM:,} good recordings", found.low, found.high)
-    line = ("as it would be in the typical state of operation", one.rows.tolist(), found.adjusted, None)
-    return _chart(trend, title, label, marks, line, bands=(expected,) if math.isfinite(found.low) else ())
+    lines = [("as it would be in the typical state of operation", _times(trend, one.rows), found.adjusted, None)]
+    for words, other in window.others.items():
+        same = next(each for each in other.followed if each.name == one.name)
+        lines.append((words, _times(other, same.rows), same.expected().adjusted, None))
+    bands = (expected,) if math.isfinite(found.low) else ()
+    return _chart(trend, title, label, marks, window, *lines, bands=bands)
 
 
-def level_chart(trend: Trend, history: History) -> Chart:
-    """Return the chart of RMS and peak, which follow the place of the microphone, too."""
-    followed = {one.name: one for one in trend.followed}
-    lines = [(words, followed[words.lower()].rows.tolist(), followed[words.lower()].values, None) for words in LEVELS]
-    return _chart(trend, "RMS and peak as recorded", "level [unit of the sound]", _marks(trend, history), *lines)
-
-
-def _size(trend: Trend, sizes: Mapping[str, Mapping[str, float]], marks: tuple[Marker, ...]) -> Chart | None:
+def _size(
+    trend: Trend, sizes: Mapping[str, Mapping[str, float]], marks: tuple[Marker, ...], window: Window
+) -> Chart | None:
     rows = [row for row, one in enumerate(trend.recordings) if one.recording_id in sizes]
     if len(rows) < 2:
         return None
     found = [sizes[trend.recordings[row].recording_id] for row in rows]
-    lines = [(words, rows, [1e3 * each[key] for each in found], style) for words, key, style in SIZES]
-    return _chart(trend, "Size of the fault", "size [mrad]", marks, *lines)
+    lines = [(words, _times(trend, rows), [1e3 * each[key] for each in found], style) for words, key, style in SIZES]
+    return _chart(trend, "Size of the fault", "size [mrad]", marks, window, *lines)

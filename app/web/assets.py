@@ -15,6 +15,8 @@ FILES = (
     "htmx.org/dist/htmx.min.js",
     "uplot/dist/uPlot.iife.min.js",
     "uplot/dist/uPlot.min.css",
+    "swagger-ui-dist/swagger-ui.css",
+    "swagger-ui-dist/swagger-ui-bundle.js",
     "wavesurfer.js/dist/wavesurfer.min.js",
 )
 

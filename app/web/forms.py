@@ -13,6 +13,7 @@ from fastapi import Depends, Form, Request
 from pydantic import TypeAdapter, ValidationError
 from sqlalchemy.orm import Session
 
+from app.axes import check_place, in_si
 from app.fleet import natural
 from app.http.errors import Forbidden, Unprocessable
 from app.http.security import Principal, Role
@@ -20,10 +21,11 @@ from app.http.uploads import Upload
 from app.recordings.intake import Intake, RecordingMetadata, read_metadata, take_in
 from app.report.formatting import NAMES, WORDS, name_of
 from app.service import Service, TheService
-from casebase.axes import list_axes
-from casebase.gearboxes import signatures
+from casebase.axes import axis_names
+from casebase.gearboxes import gearbox_names
 from casebase.labels import GEAR_DAMAGE, OTHER_WORDS
 from casebase.store.fields import Label
+from sim.errors import ParameterError
 from sim.experiment.design_of_experiments import LABELS
 from sim.mechanisms import MECHANISMS
 
@@ -49,7 +51,9 @@ STANDARDS = (
 )
 VERIFICATIONS = WORDS["verifications"]
 """The words of the pages for how a label was verified, the surest first."""
-NUMBERS = {"speed_rad_s": "The largest speed of the output [rad/s]", "payload_kg_m2": "The payload [kg m²]"}
+NUMBERS = {"speed_rad_s": "The largest speed of the output", "payload_kg_m2": "The payload"}
+SAID = ("axis", "gearbox", "new_axis", "new_gearbox", *NUMBERS, *(f"{name}.unit" for name in NUMBERS))
+"""What a form may say of a recording."""
 LARGEST_NUMBER = 2**31 - 1
 MOST_AT_ONCE = 1000
 """Cases of a label that one form has simulated."""
@@ -82,13 +86,12 @@ def choices(library: Iterable[str]) -> Choices:
 
 def import_choices(service: Service, session: Session) -> dict[str, object]:
     """Return what a table of recordings offers: labels with their other words, axes, gearboxes, ways to verify."""
-    places, labels = signatures(session), choices(one for one, _ in service.counts(session))
-    described = {row.name for row in list_axes(session)}
+    labels = choices(one for one, _ in service.counts(session))
     return {
         "choices": labels,
         "other_words": {label: _other_words(label) for _, group in labels for label, _ in group},
-        "axes": sorted({axis for axis, _ in places if axis} | described, key=natural),
-        "gearboxes": sorted({gearbox for _, gearbox in places if gearbox}, key=natural),
+        "axes": sorted(axis_names(session), key=natural),
+        "gearboxes": sorted(gearbox_names(session), key=natural),
         "ways": VERIFICATIONS,
     }
 
@@ -174,6 +177,8 @@ def taken_in(
     service: Service, upload: Upload, fields: Mapping[str, object], model: type[Known]
 ) -> tuple[Intake, Known]:
     """Take the recording of a form in, with what the form says of it."""
+    with service.library.reading() as session:
+        check_place(session, {**upload.fields, **fields})
     metadata: Known = read_metadata(json.dumps(fields), model)
     file = upload.file("file")
     return take_in(service.library, file.path, file.name, file.media_type, metadata), metadata
@@ -187,18 +192,17 @@ def told(fields: dict[str, str], *words: str) -> dict[str, object]:
             found[name] = text
     for name, label in NUMBERS.items():
         if text := fields.get(name, "").strip():
-            found[name] = number(label, text)
+            found[name] = number(label, text, name, fields.get(f"{name}.unit", ""))
     return found
 
 
-def number(label: str, text: str) -> float:
-    """Return a number of a form, which may have a decimal comma; raises Unprocessable."""
+def number(label: str, text: str, key: str = "", unit: str = "") -> float:
+    """Return a number of a form in SI, given in a unit that the key may have; raises Unprocessable."""
     try:
-        return float(text.replace(",", "."))
-    except ValueError:
-        raise Unprocessable(
-            f"{label} must be a number such as 2.5, got {text!r}. Leave it empty if it is not known."
-        ) from None
+        return in_si(key, text, unit)
+    except ParameterError as error:
+        wrong = str(error).removeprefix(f"{key}: ")
+        raise Unprocessable(f"{label}: {wrong} Leave it empty if it is not known.") from None
 
 
 def may_keep(principal: Principal) -> None:

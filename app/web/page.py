@@ -7,8 +7,8 @@ import json
 import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, TypeVar
-from urllib.parse import quote
+from typing import Annotated, Any, TypeVar
+from urllib.parse import quote, urlencode
 
 from fastapi import Depends, Form, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
@@ -19,7 +19,9 @@ from starlette import types
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from app.axes import units_of
 from app.background_cache import Pending
+from app.fleet import natural
 from app.http.errors import Forbidden, NotAuthenticated, validation_problem
 from app.http.security import (
     COOKIE,
@@ -33,15 +35,19 @@ from app.http.security import (
     signed_in,
 )
 from app.http.uploads import check_whole
-from app.report.formatting import ENVIRONMENT, instant, sentence
+from app.report.formatting import ENVIRONMENT, NAMES, instant, sentence
 from app.service import Service, service_of
+from app.web.forms import number_of
 from casebase.origins import DEMO
 from casebase.store.artifacts import active_artifact
-from casebase.store.models import StoredInvestigation
+from casebase.store.models import StoredInvestigation, StoredRecording
+from casebase.store.pagination import searched
 
 Asked = TypeVar("Asked", bound=BaseModel)
 ROWS = 50
 """Of a list on a page."""
+RECORDED = {"recording": StoredRecording.file_name, "axis": StoredRecording.axis, "gearbox": StoredRecording.gearbox}
+"""By what lists of what was recorded are searched and sorted."""
 NAVIGATION = (
     ("/fleet", "Fleet", "1", "viewer"),
     ("/diagnoses", "Diagnoses", "2", "viewer"),
@@ -170,6 +176,7 @@ def render(
         "section": section,
         "messages": messages,
         "zone": zone,
+        "units_of": units_of,
         "at": lambda value: instant(value, zone),
     }
     page = ENVIRONMENT.get_template(template).render({**given, **context})
@@ -193,6 +200,60 @@ def checked_form(model: type[Asked], given: Mapping[str, object]) -> Asked:
 def lead(service: Service, path: str) -> RedirectResponse:
     """Lead from a form that was taken to a page, given by its path below the root."""
     return RedirectResponse(f"{root_of(service)}{path}", status_code=303)
+
+
+@dataclass(frozen=True)
+class Listing:
+    """A page of a list that its address searches and sorts.
+
+    Args:
+        found: the rows, and one of the next page if there is one.
+        sorts: by what it can be sorted.
+        asked: what the address says besides `first`, the number of rows before.
+        count: of the rows of all pages, where they were counted.
+    """
+
+    found: Sequence[Any]
+    first: int
+    sorts: Sequence[str]
+    asked: Mapping[str, str]
+    count: int | None = None
+
+    @property
+    def rows(self) -> Sequence[Any]:
+        return self.found[:ROWS]
+
+    def at(self, pages: int) -> str:
+        """Return the address of the page that stands so many pages further on."""
+        return f"?{urlencode({**self.asked, 'first': max(0, self.first + pages * ROWS)})}"
+
+
+def listing(request: Request, session: Session, known: Select[Any] | Sequence[Any], **columns: Any) -> Listing:
+    """Return the page of a list that the address asks for; every word that is searched stands in a column of text.
+
+    Args:
+        known: a statement, whose usual order is the newest first; or all rows in theirs.
+        columns: by what it can be sorted, of the statement, or as functions of a row.
+    """
+    given = {name: value.replace("\0", "") for name, value in request.query_params.items()}
+    asked = {name: value for name, value in given.items() if value and name not in ("first", "step", "undone")}
+    words = asked.get("search", "")[:200].lower().split()
+    first, sort = number_of(request, "first") or 0, asked.get("sort", "")
+    if isinstance(known, Select):
+        sorts = {"oldest_first": known.column_descriptions[0]["entity"].id, **columns}
+        meant = [[word, *(label for label, name in NAMES.items() if f" {word}" in f" {name}")] for word in words]
+        texts = [*columns.values()]
+        rows = searched(session, known, texts, meant, by=sorts.get(sort), first=first, most=ROWS + 1)
+        return Listing(rows, first, [*sorts], asked)
+
+    def key(row: Any) -> Any:
+        value = columns[sort](row)
+        return natural(value) if isinstance(value, str) else value
+
+    texts = [of for of in columns.values() if known and isinstance(of(known[0]), str)]
+    rows = [row for row in known if all(any(word in of(row).lower() for of in texts) for word in words)]
+    rows = sorted(rows, key=key) if sort in columns else rows
+    return Listing(rows[first : first + ROWS + 1], first, [*columns], asked, len(rows))
 
 
 def waiting_page(

@@ -105,9 +105,6 @@ class ListedJobs:
     def submit(self, kind: str, _: object, *, job_id: str | None = None, submitted_by: str | None = None) -> str:
         return self.order(None, kind, _, job_id=job_id, submitted_by=submitted_by).id
 
-    def list(self, *, limit: int = 100) -> tuple[Job, ...]:
-        return tuple(self.jobs[:limit])
-
     def page(self, *, limit: int = 50, cursor: str | None = None) -> Page[Job]:
         assert cursor is None
         return Page(self.jobs[:limit], None)

@@ -23,8 +23,10 @@ class CaseFilter:
 
 def selected(wanted: CaseFilter) -> Select[Case]:
     """Return the statement that selects the cases wanted."""
-    statement = select(Case)
+    statement = select(Case).join(StoredRecording, StoredRecording.id == Case.recording_id)
     for column, value in (
+        (StoredRecording.axis, wanted.axis),
+        (StoredRecording.gearbox, wanted.gearbox),
         (Case.label, wanted.label),
         (Case.origin, wanted.origin),
         (Case.batch, wanted.batch),
@@ -38,10 +40,4 @@ def selected(wanted: CaseFilter) -> Select[Case]:
     if wanted.quarantined is not None:
         reason = Case.quarantine_reason
         statement = statement.where(reason.is_not(None) if wanted.quarantined else reason.is_(None))
-    if wanted.axis is not None or wanted.gearbox is not None:
-        statement = statement.join(StoredRecording, StoredRecording.id == Case.recording_id)
-    if wanted.axis is not None:
-        statement = statement.where(StoredRecording.axis == wanted.axis)
-    if wanted.gearbox is not None:
-        statement = statement.where(StoredRecording.gearbox == wanted.gearbox)
     return statement

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from sqlalchemy import Select
+from sqlalchemy import ColumnElement, Select, String, or_
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from casebase.errors import InvalidCursorError, InvalidRequestError
@@ -36,6 +36,32 @@ def page(
         statement = statement.where(key < check_cursor(cursor))
     rows = session.scalars(statement.order_by(key.desc()).limit(limit + 1)).unique().all()
     return cut(rows, limit, lambda row: str(getattr(row, key.key)))
+
+
+def searched(
+    session: Session,
+    statement: Select[Any],
+    columns: Sequence[ColumnElement[Any]],
+    words: Sequence[Sequence[str]],
+    *,
+    by: ColumnElement[Any] | None,
+    first: int,
+    most: int,
+) -> Sequence[Any]:
+    """Return the rows after the first ones, by a column, or else the newest first.
+
+    Args:
+        words: of each, one spelling stands in one of the columns of text.
+    """
+    key, wanted = statement.column_descriptions[0]["entity"].id, statement
+    texts = [column for column in columns if isinstance(column.type, String)]
+    for spellings in words:
+        wanted = wanted.where(or_(*(text.icontains(one, autoescape=True) for text in texts for one in spellings)))
+    order = (key.desc(),) if by is None else (by.nulls_last(), key.desc())
+    # ids alone are sorted: a row may have a long document
+    ids = session.scalars(wanted.with_only_columns(key).order_by(*order).offset(first).limit(most)).all()
+    rows = session.scalars(statement.where(key.in_(ids))).unique()
+    return sorted(rows, key=lambda row: ids.index(row.id))
 
 
 def page_upwards(

@@ -69,9 +69,10 @@ def get(session: Session, kind: type[Revision], name: str, revision: int | None 
     return row
 
 
-def current(session: Session, kind: type[Revision]) -> Sequence[Revision]:
-    """Return the current revision of every name, by name."""
-    return session.scalars(_current(kind).order_by(kind.name)).all()
+def current(session: Session, kind: type[Revision], *, names: Sequence[str] | None = None) -> Sequence[Revision]:
+    """Return the current revision of every name, or of these, by name."""
+    wanted = _current(kind) if names is None else _current(kind).where(kind.name.in_(names))
+    return session.scalars(wanted.order_by(kind.name)).all()
 
 
 def current_page(

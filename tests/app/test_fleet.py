@@ -154,10 +154,30 @@ def test_what_changed_at_once_is_asked_and_each_answer_is_one_click(service: Ins
         assert page.count('<td data-label="Recorded">') == left
 
 
+def test_a_trend_is_seen_from_day_to_day_with_another_over_it(service: Inside) -> None:
+    path, day = "/axes/arm/gearboxes/rising?chart=0", (now() - timedelta(days=10)).date()
+    whole = service.browse("GET", path).json()
+    part = service.browse("GET", f"{path}&from={day}&with=good").json()
+    assert len(whole["x"]) == 30
+    assert (len(whole["series"]), [one["name"] for one in part["series"]][1:]) == (1, ["good"])
+    assert min(part["x"]) >= 19
+    linked = service.browse("GET", f"/axes/arm/gearboxes/rising?from={day}&with=good").text
+    assert f'name="from" type="date" value="{day}"' in linked
+    assert f"?chart=0&amp;from={day}&amp;with=good" in linked
+    assert service.browse("GET", f"{path}&from=monday").status_code == 422
+
+
+def test_a_note_has_the_zone_of_the_browser(service: Inside) -> None:
+    mark = {"text": "oiled", "at": "2026-01-02T08:00", "zone": "Asia/Tokyo"}
+    assert service.browse("POST", "/axes/arm/marks", data={**mark, "zone": "nowhere"}).status_code == 422
+    assert service.browse("POST", "/axes/arm/marks", data=mark).status_code == 303
+    assert "2026-01-01T23:00:00+00:00" in service.browse("GET", "/axes/arm").text
+
+
 def test_a_large_fleet_is_read_page_by_page_and_state_by_state(service: Inside) -> None:
     whole = rows(service.browse("GET", "/fleet").text)
     good = [row for row in whole if row[0] == "Good"]
-    with patch("app.web.pages.axes.SHOWN", 2):
+    with patch("app.web.page.ROWS", 2):
         first = service.browse("GET", "/fleet").text
         assert rows(first) == whole[:2]
         assert f"1 to 2 of {len(whole)}." in first

@@ -45,3 +45,24 @@ def test_the_shift(opened: Opened, site: Site) -> None:
         page.goto(f"{site.url}/fleet")
         expect(page.get_by_role("row", name="bench, shift 2")).to_contain_text("not recorded yet")
         expect(page.get_by_role("link", name="bench, shift", exact=True)).to_have_count(0)
+
+
+def test_a_zoomed_trend_stands_in_the_address(opened: Opened, site: Site) -> None:
+    with opened("viewer", "/axes/bench/gearboxes/g1") as page:
+
+        def shown() -> int:
+            plot.scroll_into_view_if_needed()
+            expect(plot).to_have_attribute("data-ready", "true")
+            return len(page.request.get(f"{page.url.partition('?')[0]}{plot.get_attribute('data-plot')}").json()["x"])
+
+        plot = page.locator("[data-since]").first
+        whole, box = shown(), plot.locator(".u-over").bounding_box()
+        assert box is not None
+        page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 50)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 50)
+        page.mouse.up()
+        page.wait_for_url("**from=**")
+        page.reload()
+        expect(page.get_by_label("From")).not_to_have_value("")
+        assert shown() < whole

@@ -310,10 +310,11 @@ def test_error_is_a_sentence_with_the_way_out(opened: Opened, site: Site) -> Non
 
 
 def test_script_weight() -> None:
-    """All scripts together stay under 150 KB compressed."""
+    """All scripts together, but for the one of /docs, stay under 150 KB compressed."""
     folder = Path(__file__).resolve().parents[2] / "app" / "web" / "static"
     if not (folder / "vendor").exists():
         pytest.skip("browser libraries are not installed: make setup installs them")
-    size = sum(len(gzip.compress(path.read_bytes())) for path in folder.rglob("*.js"))
+    scripts = [path for path in folder.rglob("*.js") if not path.name.startswith("swagger-ui")]
+    size = sum(len(gzip.compress(path.read_bytes())) for path in scripts)
     print(f"scripts: {size / 1000:.0f} kB compressed")
     assert size < 150_000

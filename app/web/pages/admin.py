@@ -10,13 +10,15 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Annotated
 
-from fastapi import APIRouter, Form, Query, Request
+from fastapi import APIRouter, Form, Request
 from fastapi.responses import Response
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.alarms.addresses import check_receiver
 from app.alarms.message import message_of
 from app.api.alarms import ReceiverRequest, RuleRequest
+from app.axes import check_place
 from app.documents import KeyRequest
 from app.fleet import settle
 from app.http import keys
@@ -24,6 +26,7 @@ from app.http.errors import Forbidden, NotAuthenticated, NotFound, Unprocessable
 from app.http.keys import Role
 from app.http.security import COOKIE, FORM_COOKIE, Principal, check_csrf, client_of, csrf_token, principal_of
 from app.http.sessions import LASTS, end_session, open_session
+from app.jobs.jobs import ORDERED, job_of
 from app.report.formatting import WORDS
 from app.report.words import VERDICTS
 from app.service import Reading, Service, TheJobs, TheService, service_of
@@ -38,18 +41,17 @@ from app.web.page import (
     Visitor,
     checked_form,
     lead,
+    listing,
     render,
     root_of,
 )
 from app.web.pages.axes import in_words
 from casebase.alarms import outbox, rules
 from casebase.store import audit
-from casebase.store.models import now
+from casebase.store.models import AuditEntry, StoredJob, now
 
 router = APIRouter()
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
-ENTRIES = 100
-Before = Annotated[int | None, Query(ge=1, le=2**63 - 1)]
 alarms = APIRouter(prefix="/alarms")
 ALARMS = "/alarms"
 CHANGES: dict[tuple[str, str], tuple[Callable[[Session, str], object], str]] = {
@@ -63,9 +65,11 @@ OptionalText = Annotated[str, Form()]
 
 
 @router.get("/jobs")
-def job_list(request: Request, jobs: TheJobs, principal: PageOperator) -> Response:
-    """The newest jobs and the workers that run them."""
-    context = {"rows": jobs.list(limit=100), "workers": jobs.workers()}
+def job_list(request: Request, session: Reading, jobs: TheJobs, principal: PageOperator) -> Response:
+    """The jobs, newest first, and the workers that run them."""
+    columns = {"kind": StoredJob.kind, "state": StoredJob.state, "by": StoredJob.submitted_by}
+    found = listing(request, session, ORDERED, **columns)
+    context = {"list": found, "jobs": [job_of(row) for row in found.rows], "workers": jobs.workers()}
     return render(request, "jobs.html", context, principal=principal, section="/jobs")
 
 
@@ -125,12 +129,18 @@ def key_revoke(service: TheService, principal: PageAdmin, key_id: str, sure: Ann
     return lead(service, "/keys")
 
 
+@router.get("/docs")
+def docs(request: Request, principal: Visitor) -> Response:
+    """The interface for programs: found, read and tried out, with the session of whoever is signed in."""
+    return render(request, "docs.html", {"address": str(request.base_url).rstrip("/")}, principal=principal)
+
+
 @router.get("/audit")
-def audit_log(request: Request, session: Reading, principal: PageAdmin, before: Before = None) -> Response:
+def audit_log(request: Request, session: Reading, principal: PageAdmin) -> Response:
     """Who did what to which, newest first."""
-    rows = audit.entries(session, limit=ENTRIES, before_id=before)
-    context = {"rows": rows, "older": rows[-1].id if len(rows) == ENTRIES else None}
-    return render(request, "audit.html", context, principal=principal, section="/audit")
+    columns = {"who": AuditEntry.actor, "what": AuditEntry.action, "subject": AuditEntry.subject_id}
+    found = listing(request, session, select(AuditEntry), **columns)
+    return render(request, "audit.html", {"list": found}, principal=principal, section="/audit")
 
 
 @router.get("/audit.csv")
@@ -227,6 +237,8 @@ def create_rule(
     receivers: Annotated[list[str] | None, Form()] = None,
     axis: OptionalText = "",
     gearbox: OptionalText = "",
+    new_axis: OptionalText = "",
+    new_gearbox: OptionalText = "",
     verdict: OptionalText = "",
     label: OptionalText = "",
     least_probability: OptionalText = "",
@@ -253,6 +265,8 @@ def create_rule(
         },
     )
     with service.library.transaction(principal.actor) as session:
+        named = {"axis": asked.axis, "gearbox": asked.gearbox}
+        check_place(session, {**named, "new_axis": new_axis, "new_gearbox": new_gearbox})
         rules.add_rule(session, asked.name, asked.condition(), asked.receivers)
     settle(service.library, service.fleet, at_once=True)
     return lead(service, ALARMS)

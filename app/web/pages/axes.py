@@ -3,32 +3,45 @@
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
-from typing import Annotated, Any
+from operator import attrgetter
+from typing import Annotated, Any, Literal
 from urllib.parse import quote
-from zoneinfo import ZoneInfo
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import tomli_w
-from fastapi import APIRouter, Form, Query, Request
-from fastapi.responses import Response
+from fastapi import APIRouter, Depends, Form, Query, Request
+from fastapi.responses import JSONResponse, Response
 from markupsafe import Markup
+from pydantic import BeforeValidator
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.axes import check_known
-from app.fleet import Gearbox
+from app.fleet import Gearbox, natural
 from app.http.errors import Unprocessable
-from app.report.charts import charts_of, level_chart
+from app.report.charts import Window, charts_of
 from app.report.formatting import term
 from app.report.standing_words import day, evidence_words, next_steps, state_badge, trend_words, why
 from app.report.words import VERDICTS
 from app.service import Reading, Service, TheService
-from app.web.page import ROWS, FromOurPage, Headlined, PageOperator, PageViewer, lead, newest, render, waiting_page
+from app.web.page import (
+    ROWS,
+    FromOurPage,
+    Headlined,
+    PageOperator,
+    PageViewer,
+    lead,
+    listing,
+    newest,
+    render,
+    waiting_page,
+)
 from casebase.alarms import rules
-from casebase.axes import get_axis, is_axis, list_axes, unknown_axis
+from casebase.axes import axis_names, get_axis, is_axis, unknown_axis
 from casebase.description import check_choice, check_name
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import Standing, State, standing
-from casebase.gearboxes import EXCHANGE, KINDS, NOTE, History, places_of
+from casebase.gearboxes import EXCHANGE, KINDS, NOTE, History, gearbox_names, places_of
 from casebase.labels import BASELINES
 from casebase.reasoning.trend import Trend, trend_of
 from casebase.store import audit, revisions
@@ -46,22 +59,39 @@ from sim.robot.robot import Robot
 
 robots = APIRouter(prefix="/robots")
 router = APIRouter(prefix="/axes")
+fleet_router = APIRouter()
+Moment = Annotated[datetime | None, BeforeValidator(lambda text: text or None)]
+Word = Annotated[str, Query(max_length=200, pattern=r"^[^\x00]*$")]
 SECTION = "/axes"
 LISTED = 10
+OVER_IT = 3
+"""Gearboxes that are laid over one: there is no fifth colour."""
 
 
 @router.get("")
 def axis_list(request: Request, session: Reading, principal: PageViewer) -> Response:
     """Every axis and robot at its current revision, and axes that only recordings name."""
-    rows = list_axes(session)
-    known = {row.name for row in rows}
-    named = session.scalars(select(StoredRecording.axis).where(StoredRecording.axis.is_not(None)).distinct()).all()
-    context = {
-        "rows": rows,
-        "undescribed": sorted(str(name) for name in named if name not in known),
-        "robots": revisions.current(session, RobotRevision),
+    robots = session.scalars(select(RobotRevision.name).distinct())
+    known = [*((False, name) for name in axis_names(session)), *((True, name) for name in robots)]
+    by_name = sorted(known, key=lambda one: natural(one[1]))
+    found = listing(request, session, by_name, name=lambda one: one[1], robots_first=lambda one: not one[0])
+    shown = [name for _, name in found.rows]
+    described: dict[tuple[bool, str], object] = {
+        **{(False, row.name): row for row in revisions.current(session, AxisRevision, names=shown)},
+        **{(True, row.name): row for row in revisions.current(session, RobotRevision, names=shown)},
     }
+    context = {"list": found, "rows": [(*one, described.get(one)) for one in found.rows]}
     return render(request, "axes.html", context, principal=principal, section=SECTION)
+
+
+@fleet_router.get("/names/{kind}")
+def names(
+    session: Reading, _: PageViewer, kind: Literal["axis", "gearbox"], search: Word = "", axis: Word = ""
+) -> list[str]:
+    """Names that hold a text, of axes or of the gearboxes of an axis, for whoever begins to write one."""
+    if kind == "gearbox":
+        return list(gearbox_names(session, axis or None, search, ROWS))
+    return [name for name in axis_names(session) if search.lower() in name.lower()][:ROWS]
 
 
 @router.get("/{name}")
@@ -75,7 +105,8 @@ def axis(request: Request, session: Reading, service: TheService, principal: Pag
         "name": name,
         "history": list(reversed(history)),
         "toml": tomli_w.dumps(dict(history[-1].document)) if history else None,
-        "gearboxes": in_words(session, service, [row for row in fleet if row.standing is not None]),
+        "gearboxes": in_words(session, service, [row for row in fleet[:ROWS] if row.standing is not None]),
+        "has_more": len(fleet) > ROWS,
         "marks": marks.all(),
         "investigations": newest(session, LISTED, StoredInvestigation.axis == name),
         "listed": LISTED,
@@ -94,12 +125,13 @@ def add_mark(
     kind: Annotated[str, Form()] = NOTE,
     successor: Annotated[str, Form()] = "",
     back: Annotated[str | None, Form()] = None,
+    zone: Annotated[str, Form(max_length=100)] = "",
 ) -> Response:
-    """Note what was done to an axis or a gearbox of it, at the site's time."""
+    """Note what was done to an axis or a gearbox of it, at a time in the browser's zone or else the site's."""
     try:
-        when = datetime.fromisoformat(at).replace(tzinfo=ZoneInfo(service.settings.time_zone))
-    except ValueError:
-        raise Unprocessable(f"The time must look like 2026-11-20T14:03, got {at!r}.") from None
+        when = datetime.fromisoformat(at).replace(tzinfo=ZoneInfo(zone or service.settings.time_zone))
+    except (ValueError, ZoneInfoNotFoundError):
+        raise Unprocessable(f"The time must look like 2026-11-20T14:03, got {at!r} {zone}.") from None
     if not text.strip():
         raise Unprocessable("Say what was done.")
     check_name("name of the axis", name)
@@ -225,11 +257,12 @@ def robot_urdf(session: Reading, _: PageViewer, name: str) -> Response:
     return Response(revisions.get(session, RobotRevision, name).urdf, media_type="application/xml", headers=headers)
 
 
-fleet_router = APIRouter()
 FLEET = "/fleet"
-SHOWN = 100
-"""Gearboxes on a page of the fleet: more than one reads at once."""
-LARGEST = 10**6
+ORDERS = {
+    "gearbox": attrgetter("name"),
+    "last_change": attrgetter("unchanged"),
+    "last_recording": attrgetter("unheard"),
+}
 SAID_BY = ("fault", "hypotheses", "labels", "quality", "remarks", "novelty", "recording", "provenance", "evidence")
 """Parts of a diagnosis that are needed to say in short what it says and asks for."""
 
@@ -241,7 +274,6 @@ def fleet(
     service: TheService,
     principal: PageViewer,
     state: State | None = None,
-    first: Annotated[int, Query(ge=0, le=LARGEST)] = 0,
 ) -> Response:
     """The gearboxes with their states, the worst first: all of them or those in one state, a page of them."""
     begun = service.fleet_soon(session)
@@ -251,14 +283,14 @@ def fleet(
         return waiting_page(request, principal, begun, "Fleet", words, basis, section=FLEET)
     known = service.fleet.gearboxes(session, now(), service.settings.silent_after)
     counts = Counter(row.state for row in known)
-    wanted = [row for row in known if state in (None, row.state)]
+    found = listing(request, session, [row for row in known if state in (None, row.state)], **ORDERS)
+    words_of = {each: term(each, "gearboxes") for each in State if counts[each]}
     context = {
-        "rows": in_words(session, service, wanted[first : first + SHOWN]),
-        "counts": [(each, term(each, "gearboxes"), counts[each]) for each in State if counts[each]],
+        "rows": in_words(session, service, found.rows),
+        "counts": [(each, words, counts[each]) for each, words in words_of.items()],
+        "states": [(each.value, words) for each, words in words_of.items()],
         "state": state,
-        "first": first,
-        "of": len(wanted),
-        "shown": SHOWN,
+        "list": found,
         "day": lambda value: day(value, service.settings.time_zone),
     }
     return render(request, "fleet.html", context, principal=principal, section=FLEET)
@@ -275,36 +307,46 @@ def in_words(
     ]
 
 
-@fleet_router.get("/axes/{name}/gearboxes")
-def unnamed_gearbox(
-    request: Request,
+def window_of(
     session: Reading,
     service: TheService,
-    principal: PageViewer,
+    _: PageViewer,
     name: str,
-    history: Annotated[int, Query(ge=0)] = 0,
-    before: Annotated[str, Query(max_length=32)] = "",
-) -> Response:
-    """What was recorded of an axis without the name of a gearbox."""
-    return gearbox_page(request, session, service, principal, name, "", history, before)
+    since: Annotated[Moment, Query(alias="from")] = None,
+    until: Annotated[Moment, Query(alias="to")] = None,
+    others: Annotated[list[Word] | None, Query(alias="with")] = None,
+) -> Window:
+    """Dependency: what the address says of a trend; a day alone is the whole day at the site."""
+    zone = ZoneInfo(service.settings.time_zone)
+    first = since and (since if since.tzinfo else since.replace(tzinfo=zone))
+    last = until and (until if until.tzinfo else until.replace(tzinfo=zone, hour=23, minute=59, second=59))
+    beside = {one: service.fleet.place(session, name, one) for one in (others or ())[:OVER_IT]}
+    return Window(first, last, {one: known.trend for one, known in beside.items() if known and known.trend})
 
 
+TheWindow = Annotated[Window, Depends(window_of)]
+
+
+@fleet_router.get("/axes/{name}/gearboxes")
 @fleet_router.get("/axes/{name}/gearboxes/{gearbox:path}")
 def gearbox_page(
     request: Request,
     session: Reading,
     service: TheService,
     principal: PageViewer,
+    window: TheWindow,
     name: str,
-    gearbox: str,
+    gearbox: str = "",
     history: Annotated[int, Query(ge=0)] = 0,
     before: Annotated[str, Query(max_length=32)] = "",
+    chart: Annotated[int | None, Query(ge=0)] = None,
 ) -> Response:
     """One gearbox: its state, its trend, what was heard of it and what was done to it.
 
     Args:
         history: which of the gearboxes that had this name, from 1; the last one where 0.
         before: the newest recordings before this one.
+        chart: of the trend, whose numbers are wanted instead of the page.
     """
     known = service.fleet.place(session, name, gearbox or None)
     found = known.histories if known else ()
@@ -314,6 +356,9 @@ def gearbox_page(
         raise NotFoundError(f"no gearbox {gearbox!r} is known at axis {name!r}")
     shown = found[history - 1 if history else -1]
     trend = known.trend if shown.until is None else trend_of(session, shown)
+    charts = charts_of(trend, shown, sizes_of(session, shown), window) if trend else []
+    if chart is not None and chart < len(charts):
+        return JSONResponse(charts[chart].document())
     at, zone = now(), service.settings.time_zone
     stands = standing(shown, trend, at, service.settings.silent_after) if shown.until is None else None
     heard = list(reversed(shown.heard))
@@ -332,8 +377,10 @@ def gearbox_page(
         "changed": trend_words(trend, zone),
         "at_once": question_of(shown, trend, zone),
         "evidence": evidence_words(trend) if trend else None,
-        "charts": charts_of(trend, shown, sizes_of(session, shown)) if trend else (),
-        "level": level_chart(trend, shown) if trend else None,
+        "charts": charts,
+        "window": window,
+        "query": request.url.query,
+        "neighbours": [one for one in gearbox_names(session, name, most=ROWS) if one != gearbox] if trend else (),
         "heard": page,
         "older": page[-1].recording_id if first + ROWS < len(heard) else None,
         "investigations": investigations_of(session, shown),

@@ -28,7 +28,7 @@ from app.report.words import (
 from app.service import Reading, Service, TheService
 from app.web.forms import (
     LARGEST_NUMBER,
-    NUMBERS,
+    SAID,
     VERIFICATIONS,
     LabelGiven,
     Verified,
@@ -41,6 +41,7 @@ from app.web.forms import (
     told,
 )
 from app.web.page import (
+    RECORDED,
     ROWS,
     FromOurPage,
     Message,
@@ -52,18 +53,18 @@ from app.web.page import (
     below_root,
     demo_ids,
     lead,
+    listing,
     render,
 )
 from casebase.axes import find_axis
 from casebase.cycle.retain import is_undone
-from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
+from casebase.diagnoses import DiagnosisFilter, diagnoses_of, get_diagnosis, list_diagnoses, revise_diagnosis
 from casebase.errors import NotFoundError
 from casebase.queue import FAULT, UNDECIDED, UNKNOWN, place_in, proposed, waiting
 from casebase.steps import last_step, newest_of, step_name, undo
 from casebase.store.models import Case, StoredDiagnosis
 
 router = APIRouter()
-FILTERS = (("", "All"), *VERDICTS.items())
 LONGEST_VERIFICATION = 500
 KINDS = {FAULT: "Fault likely, not confirmed", UNDECIDED: "Undecided", UNKNOWN: "Not in the library"}
 
@@ -87,12 +88,12 @@ def listed(
     session: Reading,
     principal: PageViewer,
     verdict: Literal["", "diagnosed", "ambiguous", "not_in_library", "unusable"] = "",
-    cursor: str | None = None,
 ) -> Response:
     """The list, newest first."""
-    page = list_diagnoses(session, DiagnosisFilter(verdict=verdict or None), cursor=cursor)
-    context: dict[str, object] = {"rows": page.items, "next_cursor": page.next_cursor, "filters": FILTERS}
-    context |= {"chosen": verdict, "word": verdict_word, "how_sure": how_sure}
+    wanted = diagnoses_of(DiagnosisFilter(verdict=verdict or None))
+    columns = {**RECORDED, "label": StoredDiagnosis.label, "review": StoredDiagnosis.state}
+    found = listing(request, session, wanted, **columns)
+    context = {"list": found, "verdicts": VERDICTS, "word": verdict_word, "how_sure": how_sure}
     return render(request, "diagnoses.html", context, principal=principal, section="/diagnoses")
 
 
@@ -107,7 +108,7 @@ def upload_page(request: Request, session: Reading, service: TheService, princip
 def upload(request: Request, principal: PageOperator, upload: TheUpload, service: TheService) -> Response:
     """Take a recording in and diagnose it."""
     check_csrf(request, upload.fields.get("csrf", ""))
-    upload.only("file", "csrf", "axis", "gearbox", "recorded_at", *NUMBERS)
+    upload.only("file", "csrf", "recorded_at", *SAID)
     intake = taken_in(service, upload, told(upload.fields, "recorded_at"), RecordingMetadata)[0].fitted(service.library)
     with service.library.transaction(principal.actor) as session:
         diagnosis = intake.diagnose(service.library, session)

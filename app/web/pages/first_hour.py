@@ -22,7 +22,7 @@ from app.simulated.generation import KIND as GENERATION
 from app.web.first_hour import Hour, axis_cases, obstacles
 from app.web.forms import (
     MOST_AT_ONCE,
-    NUMBERS,
+    SAID,
     VERIFICATIONS,
     LabelQuestion,
     choices,
@@ -123,7 +123,7 @@ def message(taken: Taken) -> Message:
 def record(request: Request, principal: PageOperator, upload: TheUpload, service: TheService, name: str) -> Response:
     """Take a recording of the axis in and diagnose it; keep it as a case where it is said what the gearbox has."""
     check_csrf(request, upload.fields.get("csrf", ""))
-    upload.only("file", "csrf", "axis", "gearbox", "recorded_at", "label", "verification", *NUMBERS)
+    upload.only("file", "csrf", "recorded_at", "label", "verification", *SAID)
     label = upload.fields.get("label", "")
     verification = upload.fields.get("verification") or None
     with service.library.reading() as session:

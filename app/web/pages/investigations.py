@@ -6,7 +6,7 @@ from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, Response
-from sqlalchemy import select
+from sqlalchemy import func, select
 
 from app.api.recordings import UNCHANGING
 from app.http.errors import NotFound, Unprocessable
@@ -20,12 +20,11 @@ from app.report.investigation_report import Part, Shown, box_shown, joints_of, o
 from app.report.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
 from app.service import Reading, TheJobs, TheService
 from app.web.log_preview import log_preview, sound_preview
-from app.web.page import FromOurPage, PageAdmin, PageOperator, PageViewer, headlined, lead, light, render
+from app.web.page import FromOurPage, PageAdmin, PageOperator, PageViewer, headlined, lead, light, listing, render
 from casebase.axes import list_axes
 from casebase.diagnoses import get_diagnosis
 from casebase.store import revisions
 from casebase.store.models import AxisRevision, RobotRevision, StoredInvestigation
-from casebase.store.pagination import page
 from signals.columns.table_kinds import TEXT, binary_endings, table_kinds
 from signals.columns.units import units_of
 from signals.telemetry import CHANNELS, TIME
@@ -41,12 +40,12 @@ SECTION = "/investigations"
 
 
 @router.get("")
-def investigation_list(
-    request: Request, session: Reading, principal: PageViewer, cursor: str | None = None
-) -> Response:
+def investigation_list(request: Request, session: Reading, principal: PageViewer) -> Response:
     """Investigations, newest first."""
-    found = page(session, light(), StoredInvestigation.id, cursor=cursor)
-    context = {"rows": headlined(session, found.items), "next_cursor": found.next_cursor}
+    subject = func.coalesce(StoredInvestigation.robot, StoredInvestigation.axis)
+    columns = {"axis_or_robot": subject, "state": StoredInvestigation.state, "by": StoredInvestigation.created_by}
+    found = listing(request, session, light(), **columns)
+    context = {"list": found, "rows": headlined(session, found.rows)}
     return render(request, "investigations.html", context, principal=principal, section=SECTION)
 
 

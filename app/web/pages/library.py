@@ -40,6 +40,7 @@ from app.web.forms import (
     told,
 )
 from app.web.page import (
+    RECORDED,
     FromOurPage,
     Message,
     PageAdmin,
@@ -49,6 +50,7 @@ from app.web.page import (
     below_root,
     demo_ids,
     lead,
+    listing,
     of_library,
     render,
     root_of,
@@ -58,7 +60,7 @@ from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.errors import NotFoundError
 from casebase.reasoning.evaluation import Evaluation
 from casebase.search.axis_cases import LabelCases
-from casebase.search.case_filter import CaseFilter
+from casebase.search.case_filter import CaseFilter, selected
 from casebase.steps import last_step, newest_of, step_name
 from casebase.store import erasing
 from casebase.store.models import Case
@@ -83,22 +85,17 @@ def cases(
     gearbox: str = "",
     state: str = "",
     verification: str = "",
-    cursor: str | None = None,
 ) -> Response:
     """The cases, newest first, by label, axis, gearbox, origin and state."""
     wanted = CaseFilter(
         label or None, origin or None, axis or None, gearbox or None, state or None, verification=verification or None
     )
-    page = service.library.retrieve.cases(session, wanted, limit=100, cursor=cursor)
-    chosen = {"label": label, "origin": origin, "axis": axis, "gearbox": gearbox, "state": state}
-    chosen["verification"] = verification
     counts = service.counts(session)
+    columns = {**RECORDED, "label": Case.label, "verified": Case.verification}
     context = {
-        "rows": page.items,
-        "next_cursor": page.next_cursor,
-        "chosen": chosen,
-        "query": "&".join(f"{name}={value}" for name, value in chosen.items() if value),
-        "labels": sorted({one for one, _ in counts}),
+        "list": listing(request, session, selected(wanted), **columns),
+        "state": state,
+        "labels": [(one, name_of(one)) for one in sorted({label for label, _ in counts})],
         "counts": sorted(counts.items()),
         "total": sum(counts.values()),
         "choices": choices(one for one, _ in counts),
@@ -180,7 +177,7 @@ def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheS
     said_how(upload.fields.get("verification"))
     fields = told(upload.fields, "verified_by", "verification")
     if size := upload.fields.get("size_rad", "").strip():
-        fields["size_rad"] = number("The size of the fault [rad]", size)
+        fields["size_rad"] = number("The size of the fault", size, "size_rad", upload.fields.get("size_rad.unit", ""))
     another, sure = upload.fields.get("another", ""), upload.fields.get("sure", "")
     try:
         fields["label"] = label_given(service, upload.fields.get("label", ""), another, sure)()
@@ -201,7 +198,8 @@ def coverage(request: Request, session: Reading, service: TheService, principal:
     labels = sorted({label for of in known.values() for label in of} | {"normal", "notch", "play"})
     axes = sorted(known, key=lambda axis: axis or "")
     rows = [(axis, label, known[axis].get(label, LabelCases())) for axis in axes for label in labels]
-    return render(request, "coverage.html", {"rows": rows}, principal=principal, section=SECTION)
+    found = listing(request, session, rows, axis=lambda row: row[0] or "", label=lambda row: name_of(row[1]))
+    return render(request, "coverage.html", {"list": found}, principal=principal, section=SECTION)
 
 
 @router.get("/cases/{case_id}/taught", dependencies=[ReadingLimit])

@@ -173,17 +173,26 @@ function send(form) {
   });
   request.send(new FormData(form));
 }
-/* names of the axes that are described, when somebody is about to say one */
-async function suggest(form) {
-  const names = one("datalist", form);
-  if (names.childElementCount) return;
-  const answer = await fetch(form.dataset.axes, { headers: { Accept: "application/json" } });
-  if (!answer.ok) return;
-  for (const axis of (await answer.json()).items) names.append(new Option(axis.name));
+/* names of axes and gearboxes that are known, while somebody writes one; a gearbox of the axis beside it */
+async function suggest({ target }) {
+  if (!target.matches?.("input[data-names]")) return;
+  const asked = new URLSearchParams({ search: target.value, axis: target.form.elements.axis?.value ?? "" });
+  const answer = await fetch(`${target.dataset.names}?${asked}`, { headers: { Accept: "application/json" } });
+  if (answer.ok) target.list.replaceChildren(...(await answer.json()).map((name) => new Option(name)));
 }
+addEventListener("focusin", suggest);
+addEventListener("input", suggest);
+
+/* times are those of the browser */
+const { timeZone } = Intl.DateTimeFormat().resolvedOptions();
+const local = new Intl.DateTimeFormat("sv", { year: "numeric", month: "2-digit", day: "2-digit", hour: "2-digit", minute: "2-digit", timeZoneName: "short" });
+function times(root) {
+  all("time[datetime]", root).forEach((time) => (time.textContent = local.format(new Date(time.dateTime))));
+}
+times(document);
+all("[data-zone]").forEach((element) => (element[element.matches("input") ? "value" : "textContent"] = timeZone));
 
 for (const form of all("form[data-upload]")) {
-  one("input[name=axis]", form).addEventListener("focus", () => suggest(form));
   one("input[type=file]", form).addEventListener("change", () => described(form));
   if (one("[data-recorder]", form)) recorder(one("[data-recorder]", form), form);
   form.addEventListener("submit", (event) => {
@@ -353,7 +362,7 @@ function asCards(root) {
   }
 }
 asCards(document);
-addEventListener("htmx:afterSwap", (event) => asCards(event.target.isConnected ? event.target : document));
+addEventListener("htmx:afterSwap", (event) => [times, asCards].forEach((work) => work(event.target.isConnected ? event.target : document)));
 
 /* bulk selection */
 all("[data-select-all]").forEach((box) =>

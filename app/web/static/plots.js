@@ -119,6 +119,22 @@ function values(element, data) {
   };
 }
 
+// the range of a trend stands in the address, so that a link holds it; all trends of the page follow
+function ranged(element) {
+  const keep = (since, until) => {
+    const address = new URL(location);
+    for (const [name, value] of [["from", since], ["to", until]]) value ? address.searchParams.set(name, value) : address.searchParams.delete(name);
+    return address;
+  };
+  element.addEventListener("dblclick", () => location.assign(keep()));
+  return (u) => {
+    const [min, max] = [u.select.left, u.select.left + u.select.width].map((left) => u.posToVal(left, "x"));
+    const { since, unitS } = element.dataset;
+    history.replaceState(null, "", keep(...[min, max].map((x) => new Date(Date.parse(since) + 1000 * unitS * x).toISOString())));
+    for (const one of plots) if (one.element.dataset.since && one.plot !== u) one.plot.setScale("x", { min, max });
+  };
+}
+
 export function draw(element, data) {
   const axis = (label) => ({
     label,
@@ -145,11 +161,12 @@ export function draw(element, data) {
         stroke: style(COLOURS[one.style]),
         dash: DASHES[one.style],
         width: 1.25,
+        spanGaps: Boolean(element.dataset.since),
         points: { show: data.x.length <= FEW, size: 6, fill: style(COLOURS[one.style]) },
       })),
     ],
     legend: { show: false },
-    hooks: { draw: [annotate(data)], setCursor: [values(element, data)] },
+    hooks: { draw: [annotate(data)], setCursor: [values(element, data)], setSelect: element.dataset.since ? [ranged(element)] : [] },
   };
   const plot = new uPlot(options, [data.x, ...data.series.map((one) => one.y)], element);
   plots.push({ element, data, plot });

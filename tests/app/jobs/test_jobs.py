@@ -21,7 +21,7 @@ from structlog.testing import capture_logs
 
 from app.jobs import runner
 from app.jobs.job import Job, JobError, JobKind, JobNotFoundError, JobState, JobStateError, Json
-from app.jobs.jobs import Jobs
+from app.jobs.jobs import ORDERED, Jobs, job_of
 from app.jobs.runner import Worker
 from casebase.errors import InvalidCursorError, LeaseLostError, NotFoundError, StaleVersionError
 from casebase.library import CaseLibrary
@@ -193,7 +193,7 @@ def test_a_restored_job_goes_on_and_one_that_was_over_is_still_told(postgres_dat
     restore(tmp_path / "backup", tmp_path / "new")
     library = CaseLibrary.open(tmp_path / "new")
     new = Place("", library.data_dir, library, Jobs(library, ("count",)))
-    assert {(job.id, job.state) for job in new.jobs.list()} == {(over, "cancelled"), (waiting, "queued")}
+    assert {(job.id, job.state) for job in new.jobs.page().items} == {(over, "cancelled"), (waiting, "queued")}
     assert list(new.jobs.events(over)) == []
     worker = new.work("new")
     try:
@@ -309,7 +309,8 @@ def test_jobs_are_listed_by_their_subject_without_messages(place: Place) -> None
     jobs.submit("simulations", {"axis": {"name": "bench"}})
     jobs.submit("imports", {"name": "cases.zip"})
     jobs.submit("deliveries", {})
-    assert [job.about for job in jobs.list()] == ["cases.zip", "bench"]
+    with place.library.reading() as session:
+        assert [job_of(row).about for row in session.scalars(ORDERED)] == ["bench", "cases.zip"]
 
 
 def test_work_that_somebody_else_wrote_at_the_same_time_is_done_again(monkeypatch: pytest.MonkeyPatch) -> None:
