@@ -35,7 +35,7 @@ from app.http.security import (
     signed_in,
 )
 from app.http.uploads import check_whole
-from app.report.formatting import ENVIRONMENT, NAMES, instant, sentence
+from app.report.formatting import ENVIRONMENT, WORDS, instant, sentence
 from app.service import Service, service_of
 from app.web.forms import number_of
 from casebase.origins import DEMO
@@ -60,6 +60,8 @@ NAVIGATION = (
     ("/keys", "Keys", "8", "admin"),
     ("/audit", "Audit", "9", "admin"),
 )
+SHOWN = [one for of in ("labels", "verdicts", "jobs", "actions") for one in WORDS[of].items()]
+"""What a column of text has, and what a list shows for it."""
 Headlined = tuple[StoredInvestigation, str | None]
 _DOCUMENT = StoredInvestigation.document
 
@@ -241,7 +243,7 @@ def listing(request: Request, session: Session, known: Select[Any] | Sequence[An
     first, sort = number_of(request, "first") or 0, asked.get("sort", "")
     if isinstance(known, Select):
         sorts = {"oldest_first": known.column_descriptions[0]["entity"].id, **columns}
-        meant = [[word, *(label for label, name in NAMES.items() if f" {word}" in f" {name}")] for word in words]
+        meant = [[word, *(name for name, shown in SHOWN if f" {word}" in f" {shown}".lower())] for word in words]
         texts = [*columns.values()]
         rows = searched(session, known, texts, meant, by=sorts.get(sort), first=first, most=ROWS + 1)
         return Listing(rows, first, [*sorts], asked)
