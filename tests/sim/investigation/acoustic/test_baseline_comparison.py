@@ -112,7 +112,7 @@ def test_what_comes_loose_is_named_at_its_pitch_whatever_the_speed() -> None:
         value, low, high = found.parameters["frequency_hz"]
         assert low <= LOOSE[0] <= high
         assert value == pytest.approx(LOOSE[0], rel=0.02)
-        assert said(sound_alone(AXIS, [AS_NEW], [now])) == []
+    assert said(sound_alone(AXIS, [AS_NEW], [now])) == []
 
 
 def test_what_sings_at_rest_as_well_is_none_of_the_axis() -> None:
