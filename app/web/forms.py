@@ -33,10 +33,7 @@ LABEL: TypeAdapter[str] = TypeAdapter(Label)
 ANOTHER = "+"
 """What a list of labels sends for a label that is not in it."""
 STANDARDS = (
-    (
-        "Damage of gear teeth, in the words of ISO 10825-1",
-        tuple(GEAR_DAMAGE),
-    ),
+    ("Damage of gear teeth, in the words of ISO 10825-1", tuple(GEAR_DAMAGE)),
     (
         "Damage of rolling bearings, in the words of ISO 15243",
         (
@@ -147,6 +144,14 @@ def label_given(
         return chosen(label, another, bool(sure), known)
 
     return wanted
+
+
+def label_of(service: Service, upload: Upload) -> str:
+    """Return the label that the form of a recording says, which is not sent again with an answer."""
+    try:
+        return label_given(service, *(upload.fields.get(name, "") for name in ("label", "another", "sure")))()
+    except LabelQuestion as question:
+        raise Unprocessable(f"{question}. Choose that one, or tick that it is a new label.") from None
 
 
 LabelGiven = Annotated[Callable[[], str], Depends(label_given)]
