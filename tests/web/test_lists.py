@@ -93,7 +93,9 @@ def test_a_name_that_nothing_knows_is_asked_about(service: Inside) -> None:
 
 def test_the_same_sound_again_leads_to_its_first_diagnosis(service: Inside) -> None:
     files = {"file": ("twice.wav", sound(93))}
-    first, again = (service.browse("POST", "/diagnoses/new", files=files).headers["location"] for _ in range(2))
+    first, again = (
+        service.browse("POST", "/diagnoses/new", data={}, files=files).headers["location"] for _ in range(2)
+    )
     pages = [service.browse("GET", path).text for path in (first, again)]
     assert [f'href="{first}"' in page for page in pages] == [False, True]
 

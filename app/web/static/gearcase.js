@@ -12,7 +12,7 @@ function drawnBesides() {
   if (chosen) all("picture > source").forEach((source) => (source.media = chosen === "dark" ? "all" : "not all"));
 }
 drawnBesides();
-one("nav [aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" }); // of a strip that is cut
+all(".masthead [aria-current]").forEach((here) => (here.parentElement.scrollLeft = here.offsetLeft - here.parentElement.offsetLeft - 80));
 addEventListener("gearcase:theme", drawnBesides);
 one("[data-theme-toggle]")?.addEventListener("click", () => {
   const dark = document.documentElement.dataset.theme
@@ -36,6 +36,16 @@ function keyboard(event) {
 addEventListener("keydown", keyboard);
 all("[data-open]").forEach((button) => button.addEventListener("click", () => one(button.dataset.open)?.showModal()));
 all("dialog [data-close]").forEach((button) => button.addEventListener("click", () => button.closest("dialog").close()));
+
+/* a correction needs its label, and a case how it was verified: the browser shows which is missing */
+one("form[data-verdict]")?.addEventListener("submit", (event) => {
+  const { label, another, verification, keep } = event.target.elements;
+  const verdict = event.submitter?.value;
+  label.required = verdict === "corrected";
+  another.required = label.required && label.value === "+";
+  verification.required = event.submitter?.hasAttribute("formaction") || (Boolean(keep?.checked) && verdict !== "rejected");
+  if (!event.target.reportValidity()) event.preventDefault();
+});
 
 /* a key list made from the page itself */
 const filled = (element, ...content) => (element.append(...content), element);
@@ -124,8 +134,7 @@ function send(form, submitter) {
   const stage = Object.assign(made("p"), { role: "status", className: "hint" });
   all(":scope > :is(progress, [role=status])", form).forEach((each) => each.remove());
   form.append(bar, stage);
-  const request = new XMLHttpRequest();
-  const data = new FormData(form, submitter);
+  const [request, data] = [new XMLHttpRequest(), new FormData(form, submitter)];
   const [address, buttons] = [submitter?.getAttribute("formaction") ?? form.getAttribute("action"), all("button:enabled", form)];
   request.open("POST", address);
   request.setRequestHeader("Accept", "text/html");
@@ -156,7 +165,7 @@ function send(form, submitter) {
 }
 addEventListener("submit", (event) => {
   const { target: form, submitter } = event;
-  if (event.defaultPrevented || form.method !== "post" || !one("input:not([type=hidden]), select, textarea", form)) return;
+  if (event.defaultPrevented || form.method !== "post" || !one("input:not([type=hidden], [type=password]), select, textarea", form)) return;
   event.preventDefault();
   send(form, submitter);
 });
