@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import TypeAdapter
 from sqlalchemy.orm import Session
 
-from casebase.axes import SHOWN, is_axis, unknown_axis
+from casebase.axes import is_axis, near_names, unknown_axis
 from casebase.errors import InvalidRequestError, NotFoundError
 from casebase.gearboxes import gearbox_names, is_gearbox
 from sim.description.axis import SCHEMA, Axis
@@ -153,16 +153,13 @@ def check_known(session: Session, name: str) -> None:
 
 
 def check_place(session: Session, fields: Mapping[str, object]) -> None:
-    """Refuse an axis or a gearbox that nothing knows, unless the form says that it is new.
-
-    The first gearbox of an axis is new anyway.
-    """
+    """Refuse an axis that nothing knows, and a gearbox that looks like another, unless the form says that it is new."""
     axis, gearbox = str(fields.get("axis") or "") or None, str(fields.get("gearbox") or "")
     if axis and not fields.get("new_axis") and not is_axis(session, axis):
         words = unknown_axis(session, axis)
         raise InvalidRequestError(f"{words}. Choose one of the list, or tick that it is a new axis.")
-    others = gearbox_names(session, axis)
-    if gearbox and others and not fields.get("new_gearbox") and not is_gearbox(session, axis, gearbox):
+    others = near_names(gearbox, gearbox_names(session, axis, most=5000))
+    if others and not fields.get("new_gearbox") and not is_gearbox(session, axis, gearbox):
         where = f" at axis {axis!r}" if axis else ""
-        words = f"No gearbox {gearbox!r} is known{where}; there are {', '.join(others[:SHOWN])}."
+        words = f"No gearbox {gearbox!r} is known{where}; near it is {' or '.join(map(repr, others))}."
         raise InvalidRequestError(f"{words} Choose one of the list, or tick that it is a new gearbox.")

@@ -1,6 +1,8 @@
 """Axes by name: their descriptions, revision by revision, and what else knows of them."""
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
 
 from sqlalchemy import Exists, delete, exists, or_, select
 from sqlalchemy.orm import Session
@@ -64,10 +66,26 @@ def _named(name: str) -> tuple[Exists, ...]:
 
 
 def unknown_axis(session: Session, name: str) -> str:
-    """Say that there is no axis of a name, and which are described."""
+    """Say that there is no axis of a name, which known one may be meant, and which are described."""
     described = [row.name for row in list_axes(session)]
     known = f"described are {', '.join(described[:SHOWN])}" if described else "none is described yet"
-    return f"no axis is known as {name!r}; {known}{' and others' if len(described) > SHOWN else ''}"
+    near = near_names(name, axis_names(session))
+    meant = f"; near it is {' or '.join(map(repr, near))}" if near else ""
+    return f"no axis is known as {name!r}{meant}; {known}{' and others' if len(described) > SHOWN else ''}"
+
+
+def near_names(name: str, known: Iterable[str]) -> list[str]:
+    """Return known names that a new one may be a misspelling of; another number is another thing.
+
+    >>> near_names("Pres-4", ["press-3", "press-4", "lift-4"]), near_names("g8", ["g7"])
+    (['press-4'], [])
+    """
+    alike = {_letters(one): one for one in known if re.findall(r"\d+", one) == re.findall(r"\d+", name)}
+    return [alike[letters] for letters in get_close_matches(_letters(name), alike)]
+
+
+def _letters(name: str) -> str:
+    return re.sub(r"[\W\d_]", "", name.lower())
 
 
 def axis_names(session: Session) -> Sequence[str]:

@@ -221,8 +221,9 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, GearboxRec
 
 
 def gearbox_names(session: Session, axis: str | None = None, holding: str = "", most: int = 200) -> Sequence[str]:
-    """Return the names of the gearboxes of an axis, or of all, that hold a text; the last recorded first, not more."""
-    recorded = StoredRecording.gearbox.is_not(None), StoredRecording.gearbox.icontains(holding, autoescape=True)
+    """Return names of gearboxes of an axis, or of all, that hold a text, the last recorded first; of none simulated."""
+    real = StoredRecording.gearbox.is_not(None), StoredRecording.gearbox.not_like(f"{SIMULATED}-%")
+    recorded = *real, StoredRecording.gearbox.icontains(holding, autoescape=True)
     wanted = select(StoredRecording.gearbox).where(*recorded, *([] if axis is None else [StoredRecording.axis == axis]))
     newest = wanted.group_by(StoredRecording.gearbox).order_by(func.max(StoredRecording.id).desc())
     return [str(name) for name in session.scalars(newest.limit(most))]

@@ -101,8 +101,8 @@ def _of_state(facts: Mapping[str, Any], zone: str) -> tuple[str, tuple[str, ...]
     else:
         said = name_of(label) if label else one_of(left or ())
         if facts["probability"] is not None:
-            sure = f"{100 * facts['probability']:.0f} %" if facts["calibrated"] else f"score {facts['probability']:.2f}"
-            said += f", how sure: {sure}"
+            doubt = "" if facts["calibrated"] else " (not calibrated)"
+            said += f", how sure: {100 * facts['probability']:.0f} %{doubt}"
         if facts["size_rad"] is not None:
             said += f", size {1000 * facts['size_rad']:.2g} mrad"
     heard = f"It was recorded on {_local(facts['heard_at'], zone)}."

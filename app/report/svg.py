@@ -114,7 +114,7 @@ def line_chart(
     x0, x1 = _limits([s.x for s in series])
     edges = [np.array([b.low, b.high]) for b in bands]
     y0, y1 = _limits([*(s.y for s in series), *edges])
-    pad = 0.04 * (y1 - y0)
+    pad = (0.1 if bands else 0.04) * (y1 - y0)  # the edges of a band are seen
     y0, y1 = y0 - pad, y1 + pad
     inner_w, inner_h = width - LEFT - RIGHT, height - TOP - BOTTOM
 

@@ -96,7 +96,7 @@ def one_of(left: Sequence[str]) -> str:
 
 
 def is_calibrated(document: Mapping[str, Any]) -> bool:
-    """Whether how sure a diagnosis is was calibrated on gearboxes, and may stand in per cent."""
+    """Whether how sure a diagnosis is was calibrated on gearboxes; else that stands beside it."""
     return bool(document["provenance"].get("gearboxes", 0) >= CALIBRATED_FROM)
 
 
@@ -105,11 +105,10 @@ def certainty(document: Mapping[str, Any]) -> tuple[str, str] | None:
     if document["probability"] is None or _knows_one_label(document):
         return None
     gearboxes = document["provenance"].get("gearboxes", 0)
-    sure = _written(document, document["probability"])
-    if is_calibrated(document):
-        return sure, f"calibrated on {gearboxes} gearboxes"
-    known = "no measured gearbox" if gearboxes == 0 else "only one measured gearbox"
-    return sure, f"not calibrated: the library has {known}"
+    sure = _written(document["probability"])
+    known = "only one measured gearbox" if gearboxes else "no measured gearbox"
+    calibrated = f"calibrated on {gearboxes} gearboxes"
+    return sure, calibrated if is_calibrated(document) else f"not calibrated: the library has {known}"
 
 
 def names_fault(document: Mapping[str, Any]) -> bool:
@@ -126,7 +125,7 @@ def fault_words(document: Mapping[str, Any]) -> tuple[str, str] | None:
         return None
     between = f"undecided between {percent(1 - DIAGNOSED_FROM)} and {percent(DIAGNOSED_FROM)}"
     decided = {True: "a fault is likely", False: "no fault is indicated", None: between}
-    return _written(document, fault["probability"]), decided[fault["present"]]
+    return _written(fault["probability"]), f"{decided[fault['present']]}{_doubt(document)}"
 
 
 def verdict_word(document: Mapping[str, Any]) -> str:
@@ -145,16 +144,16 @@ def how_sure(document: Mapping[str, Any]) -> str:
     """Say how sure a diagnosis is, in a cell of a table; of one that is undecided also of what.
 
     >>> how_sure({"verdict": "diagnosed", "probability": 0.941, "hypotheses": [], "provenance": {"gearboxes": 1}})
-    'score 0.94'
+    '94\\xa0%, not calibrated'
     """
     sure = certainty(document)
     if sure is None:
         return "–"
     if document["verdict"] == "diagnosed":
-        return sure[0]
+        return f"{sure[0]}{_doubt(document)}"
     if names_fault(document):
-        return f"{_written(document, document['fault']['probability'])} a fault"
-    return f"{sure[0]} {name_of(document['hypotheses'][0]['label'])}"
+        return f"{_written(document['fault']['probability'])} a fault{_doubt(document)}"
+    return f"{sure[0]} {name_of(document['hypotheses'][0]['label'])}{_doubt(document)}"
 
 
 def sure_of(document: Mapping[str, Any]) -> str:
@@ -165,17 +164,17 @@ def sure_of(document: Mapping[str, Any]) -> str:
     ...     {"verdict": "diagnosed", "label": "notch", "probability": 0.93, "fault": fault, "hypotheses": [],
     ...      "provenance": {}}
     ... )
-    'a fault score 0.97, tooth damage score 0.93'
+    'a fault 97\\xa0%, tooth damage 93\\xa0%, not calibrated'
     """
     sure, fault = certainty(document), document["fault"]["probability"]
     if sure is None:
         return ""
     label = document["label"]
     if document["verdict"] == "diagnosed" and (fault is None or label in BASELINES):
-        return sure[0]
+        return f"{sure[0]}{_doubt(document)}"
     more = fault is not None and label not in BASELINES and fault > document["probability"]
-    first = [f"a fault {_written(document, fault)}"] if more else []
-    return ", ".join((*first, f"{name_of(label)} {sure[0]}"))
+    first = [f"a fault {_written(fault)}"] if more else []
+    return ", ".join((*first, f"{name_of(label)} {sure[0]}{_doubt(document)}"))
 
 
 def not_excluded(document: Mapping[str, Any]) -> str:
@@ -183,7 +182,7 @@ def not_excluded(document: Mapping[str, Any]) -> str:
     if document["label"] is None or _knows_one_label(document):
         return ""
     of = {each["label"]: each["probability"] for each in document["hypotheses"]}
-    left = [f"{name_of(label)} {_written(document, of[label])}" for label in document["labels"]]
+    left = [f"{name_of(label)} {_written(of[label])}" for label in document["labels"]]
     return ", ".join(left) or "none of the labels"
 
 
@@ -207,10 +206,14 @@ def _once_in(distance: float) -> str:
     return "not one in a million" if distance > 6 else f"one in {float(f'{10**distance:.2g}'):,.0f}"
 
 
-def _written(document: Mapping[str, Any], probability: float) -> str:
-    """Write a probability, in per cent only where it is calibrated; what falls short of the border never reaches it."""
+def _written(probability: float) -> str:
+    """Write a probability in per cent; what falls short of the border never reaches it."""
     short = probability if probability >= DIAGNOSED_FROM else min(probability, DIAGNOSED_FROM - 0.01)
-    return percent(short) if is_calibrated(document) else f"score {short:.2f}"
+    return percent(short)
+
+
+def _doubt(document: Mapping[str, Any]) -> str:
+    return "" if is_calibrated(document) else ", not calibrated"
 
 
 def _knows_one_label(document: Mapping[str, Any]) -> bool:
@@ -408,7 +411,7 @@ def _border(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
     why = "".join(f"{sentence(remark)} " for remark in told)
     sure = sure_of(document)
     if sure and document["probability"] < DIAGNOSED_FROM:
-        return f"How sure: {sure}; {_written(document, DIAGNOSED_FROM)} is asked for. {why}", told
+        return f"How sure: {sure}; {_written(DIAGNOSED_FROM)} is asked for. {why}", told
     return f"{_sure(document)}{why}", told
 
 
@@ -461,7 +464,7 @@ def likely_words(finding: Mapping[str, Any]) -> str:
     """Say how sure a finding is.
 
     >>> print(likely_words({"probability": 0.95, "calibrated": False}))
-    very likely (score 0.95, not calibrated)
+    very likely (95\xa0%, not calibrated)
     """
     return likely(float(finding["probability"]), calibrated=finding.get("calibrated", True))
 

@@ -31,6 +31,7 @@ from app.jobs.job import JobKind, Json, Report
 from app.recordings.intake import condition_on
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
+from casebase.origins import SIMULATED
 from casebase.review import quarantine_far
 from casebase.store.artifacts import active_artifact
 from casebase.store.models import Case
@@ -198,7 +199,7 @@ def retain(library: CaseLibrary, generated: Sequence[Generated], batch: str) -> 
             description = RecordingDescription(
                 file_name=f"{case.planned.label}-{case.key[:12]}.wav",
                 axis=scenario.axis.name,
-                gearbox=f"simulated-{scenario.specimen.seed}",
+                gearbox=f"{SIMULATED}-{scenario.specimen.seed}",
                 condition=condition_of(scenario),
                 extra={"simulated": True},
             )

@@ -32,22 +32,10 @@ from sim.mechanisms import MECHANISMS
 LABEL: TypeAdapter[str] = TypeAdapter(Label)
 ANOTHER = "+"
 """What a list of labels sends for a label that is not in it."""
+BEARING_DAMAGE = ("fatigue", "wear", "corrosion", "electrical_erosion", "plastic_deformation", "fracture")
 STANDARDS = (
-    (
-        "Damage of gear teeth, in the words of ISO 10825-1",
-        tuple(GEAR_DAMAGE),
-    ),
-    (
-        "Damage of rolling bearings, in the words of ISO 15243",
-        (
-            "bearing_fatigue",
-            "bearing_wear",
-            "bearing_corrosion",
-            "bearing_electrical_erosion",
-            "bearing_plastic_deformation",
-            "bearing_fracture",
-        ),
-    ),
+    ("Damage of gear teeth, in the words of ISO 10825-1", tuple(GEAR_DAMAGE)),
+    ("Damage of rolling bearings, in the words of ISO 15243", tuple(f"bearing_{kind}" for kind in BEARING_DAMAGE)),
 )
 VERIFICATIONS = WORDS["verifications"]
 """The words of the pages for how a label was verified, the surest first."""
@@ -147,6 +135,14 @@ def label_given(
         return chosen(label, another, bool(sure), known)
 
     return wanted
+
+
+def label_of(service: Service, upload: Upload) -> str:
+    """Return the label that the form of a recording says, which is not sent again with an answer."""
+    try:
+        return label_given(service, *(upload.fields.get(name, "") for name in ("label", "another", "sure")))()
+    except LabelQuestion as question:
+        raise Unprocessable(f"{question}. Choose that one, or tick that it is a new label.") from None
 
 
 LabelGiven = Annotated[Callable[[], str], Depends(label_given)]

@@ -37,7 +37,7 @@ VERBS = (
 def test_what_is_neither_file_nor_stored_is_said_with_what_is(data_dir: Path, words: tuple[str, ...]) -> None:
     done = gearcase(*words, "--axis", "bensh", data_dir=data_dir)
     assert done.code == 2
-    assert "there is no file bensh, and no axis is known as 'bensh'; described are bench" in done.stderr
+    assert "there is no file bensh, and no axis is known as 'bensh'; near it is 'bench'; described are" in done.stderr
 
 
 @pytest.mark.parametrize("given", ["bench", "axis.toml"])

@@ -63,13 +63,13 @@ def test_a_folder_becomes_cases_and_one_undo_takes_all_back(opened: Opened, site
         expect(row.get_by_label("Label of")).to_have_value("scored_face")
         page.get_by_label("Verified, the same for all").select_option("opened")
         for attempt in range(2):
-            page.get_by_role("button", name="Keep and diagnose all").click()
+            page.get_by_role("button", name="Keep all as cases").click()
             expect(status).to_contain_text("24 of 24 recordings done; gearboxes with cases: 3", timeout=120_000)
             assert cases(site.server) == corrected, attempt
             page.get_by_role("button", name="Undo").click()
             expect(status).to_contain_text("24 recordings.")
             assert cases(site.server) == Counter()
-        page.get_by_role("button", name="Keep and diagnose all").click()
+        page.get_by_role("button", name="Keep all as cases").click()
         page.get_by_role("link", name="See them in the library").click(timeout=120_000)
         expect(page.get_by_text("24 cases were kept.")).to_be_visible()
         page.get_by_role("button", name="Undo").click()
@@ -99,7 +99,7 @@ def test_faults_stand_at_their_row_and_a_busy_service_is_asked_again(
     expect(rows).to_have_count(3)
     page.get_by_label("Verified, the same for all").focus()
     page.keyboard.type("by ear")
-    page.get_by_role("button", name="Keep and diagnose all").press("Enter")
+    page.get_by_role("button", name="Keep all as cases").press("Enter")
     states = rows.locator("[data-state]")
     expect(states.nth(0)).to_contain_text("this sound is case", timeout=60_000)
     expect(states.nth(1)).to_have_text("kept", timeout=60_000)
@@ -142,5 +142,10 @@ def test_several_dropped_recordings_of_an_operator_are_diagnosed(opened: Opened,
     with opened("operator", "/library") as page:
         drop(page, *sorted((folder / "axis 9" / "g11").glob("good *")))
         expect(page.locator(".many select[name=label]")).to_have_count(0)
+        page.on("dialog", lambda asked: asked.accept("G-1" if asked.type == "prompt" else ""))
+        lists = page.locator(".many td select[name=gearbox]")
+        lists.first.select_option("+")
+        expect(lists.first).to_have_value("g1")  # is asked about, not taken as another
+        expect(page.locator(".primary:visible")).to_have_count(1)
         page.get_by_role("button", name="Diagnose all").click()
         expect(page.get_by_role("link", name="diagnosed")).to_have_count(2, timeout=60_000)

@@ -77,16 +77,27 @@ def test_a_name_that_nothing_knows_is_asked_about(service: Inside) -> None:
 
     label = {"label": "normal", "verification": "opened"}
     for path, more in (("/diagnoses/new", {}), ("/library/add", label)):
-        for told in ({"axis": "a33"}, {"axis": "a3", "gearbox": "g3e"}, {"gearbox": "no such"}):
+        for told in ({"axis": "a33"}, {"axis": "a3", "gearbox": "g3e"}, {"gearbox": "G 3"}):
             status, page = sent(path, **more, **told)
             assert status == 422
             assert "Choose one of the list" in page
     assert service.ask("GET", f"{API}/diagnoses?axis=a33").json()["items"] == []
     status, _ = sent("/diagnoses/new", axis="a33", new_axis="1", gearbox="first of it")
     assert status == 303
+    assert sent("/diagnoses/new", axis="a33", gearbox="g8")[0] == 303
+    assert sent("/diagnoses/new", axis="a33", gearbox="simulated-7")[0] == 303  # no gearbox of a list
     names = service.browse("GET", "/names/gearbox?axis=a33").json()
-    assert names == ["first of it"]
+    assert names == ["g8", "first of it"]
     assert service.browse("GET", "/names/axis?search=A33").json() == ["a33"]
+
+
+def test_the_same_sound_again_leads_to_its_first_diagnosis(service: Inside) -> None:
+    files = {"file": ("twice.wav", sound(93))}
+    first, again = (
+        service.browse("POST", "/diagnoses/new", data={}, files=files).headers["location"] for _ in range(2)
+    )
+    pages = [service.browse("GET", path).text for path in (first, again)]
+    assert [f'href="{first}"' in page for page in pages] == [False, True]
 
 
 def test_numbers_of_a_recording_have_units_to_choose(service: Inside) -> None:

@@ -123,6 +123,18 @@ def test_an_unknown_axis_is_said(opened: Opened, site: Site) -> None:
         assert f'file=@"{site.recording.name}"' in command  # a name with a space and a comma
 
 
+def test_what_was_typed_stays_at_a_refusal(only_page: Page, site: Site) -> None:
+    only_page.goto(site.url + "/alarms")
+    only_page.get_by_text("Make a receiver").click()
+    form = only_page.locator("form[action$=receivers]")
+    form.get_by_label("Who or what").fill("tickets")
+    form.get_by_label("Kind").select_option("webhook")
+    form.get_by_label("Address").fill("http://127.0.0.1/secret")
+    form.get_by_role("button", name="Make the receiver").click()
+    expect(form.get_by_role("status")).to_contain_text("127.0.0.1")
+    expect(form.get_by_label("Who or what")).to_have_value("tickets")
+
+
 def test_a_key_that_is_not_listed_stores_nothing(opened: Opened, site: Site) -> None:
     with opened("operator", f"/diagnoses/{site.diagnosis}") as page:
         page.locator("h1").first.click()

@@ -47,13 +47,11 @@ def document(**changes: object) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize(
-    ("gearboxes", "said"), [(0, "score 0.90"), (1, "score 0.90"), (2, percent(0.9)), (40, percent(0.9))]
-)
-def test_how_sure_stands_in_per_cent_only_where_it_is_calibrated(gearboxes: int, said: str) -> None:
+@pytest.mark.parametrize(("gearboxes", "doubt"), [(0, ", not calibrated"), (1, ", not calibrated"), (2, ""), (40, "")])
+def test_how_sure_is_in_per_cent_and_says_where_not_calibrated(gearboxes: int, doubt: str) -> None:
     told = document(provenance={"gearboxes": gearboxes})
-    assert f"How sure: {said}. " in verdict_of(told).summary
-    assert facts_of(told)[0][:2] == ("How sure", said)
+    assert f"How sure: {percent(0.9)}{doubt}. " in verdict_of(told).summary
+    assert facts_of(told)[0][:2] == ("How sure", percent(0.9))
     assert ("not calibrated" in facts_of(told)[0][2]) == (gearboxes < 2)
 
 

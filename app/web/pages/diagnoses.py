@@ -62,7 +62,7 @@ from casebase.diagnoses import DiagnosisFilter, diagnoses_of, get_diagnosis, lis
 from casebase.errors import NotFoundError
 from casebase.queue import FAULT, UNDECIDED, UNKNOWN, place_in, proposed, waiting
 from casebase.steps import last_step, newest_of, step_name, undo
-from casebase.store.models import Case, StoredDiagnosis
+from casebase.store.models import Case, StoredDiagnosis, StoredRecording
 
 router = APIRouter()
 LONGEST_VERIFICATION = 500
@@ -164,6 +164,8 @@ def shown(
     context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels}
     kept = session.scalars(select(Case).where(Case.diagnosis_id == row.id).order_by(Case.id)).all()
     context["kept"] = [case for case in kept if not is_undone(session, case)]
+    before = StoredRecording.sound_id == row.recording.sound_id, StoredDiagnosis.id < row.id
+    context["same"] = session.scalar(select(StoredDiagnosis).join(StoredRecording).where(*before).limit(1))
     context["investigations"] = [
         (each, investigation_headline(each.document) if each.document else each.error or each.state)
         for each in investigations_from(session, row.id)

@@ -24,9 +24,8 @@ from app.web.forms import (
     MOST_AT_ONCE,
     SAID,
     VERIFICATIONS,
-    LabelQuestion,
     choices,
-    label_given,
+    label_of,
     may_keep,
     number_of,
     said_how,
@@ -131,10 +130,7 @@ def record(request: Request, principal: PageOperator, upload: TheUpload, service
     if label:
         may_keep(principal)
         said_how(verification)
-        try:
-            label = label_given(service, label)()
-        except LabelQuestion as question:
-            raise Unprocessable(f"{question}. Choose one of the list.") from None
+        label = label_of(service, upload)
     fields = {**told(upload.fields, "recorded_at"), "axis": name}
     intake, _ = taken_in(service, upload, fields, RecordingMetadata)
     intake, step = intake.fitted(service.library), step_name()

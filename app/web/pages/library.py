@@ -28,11 +28,10 @@ from app.web.first_hour import axis_cases
 from app.web.forms import (
     VERIFICATIONS,
     LabelGiven,
-    LabelQuestion,
     choices,
     damage_of,
     import_choices,
-    label_given,
+    label_of,
     number,
     number_of,
     said_how,
@@ -178,11 +177,7 @@ def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheS
     fields = told(upload.fields, "verified_by", "verification")
     if size := upload.fields.get("size_rad", "").strip():
         fields["size_rad"] = number("The size of the fault", size, "size_rad", upload.fields.get("size_rad.unit", ""))
-    another, sure = upload.fields.get("another", ""), upload.fields.get("sure", "")
-    try:
-        fields["label"] = label_given(service, upload.fields.get("label", ""), another, sure)()
-    except LabelQuestion as question:
-        raise Unprocessable(f"{question}. Go back and choose that one, or tick that it is a new label.") from None
+    fields["label"] = label_of(service, upload)
     intake, metadata = taken_in(service, upload, fields, CaseMetadata)
     with service.library.transaction(principal.actor, step_name()) as session:
         row = intake.store(service.library, session)

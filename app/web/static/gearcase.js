@@ -12,6 +12,7 @@ function drawnBesides() {
   if (chosen) all("picture > source").forEach((source) => (source.media = chosen === "dark" ? "all" : "not all"));
 }
 drawnBesides();
+all(".masthead [aria-current]").forEach((here) => (here.parentElement.scrollLeft = here.offsetLeft - here.parentElement.offsetLeft - 80));
 addEventListener("gearcase:theme", drawnBesides);
 one("[data-theme-toggle]")?.addEventListener("click", () => {
   const dark = document.documentElement.dataset.theme
@@ -25,11 +26,6 @@ one("[data-theme-toggle]")?.addEventListener("click", () => {
 /* keyboard: a link or button says its key in data-key; ? lists them */
 function keyboard(event) {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input:not([type=checkbox]), select, textarea, dialog[open] [contenteditable]")) return;
-  if (event.key === "?") {
-    one("#keys")?.showModal();
-    event.preventDefault();
-    return;
-  }
   if (event.key === " " && event.target.matches("[type=checkbox]")) return; // it is ticked by that
   const target = all("[data-key]").find((element) => element.dataset.key === event.key && !element.disabled);
   if (!target) return;
@@ -52,16 +48,11 @@ one("form[data-verdict]")?.addEventListener("submit", (event) => {
 });
 
 /* a key list made from the page itself */
-const list = one("#keys dl");
-if (list) {
-  for (const element of all("[data-key]")) {
-    const [term, meaning] = [document.createElement("dt"), document.createElement("dd")];
-    const key = document.createElement("kbd");
-    key.textContent = element.dataset.key === " " ? "space" : element.dataset.key;
-    term.append(key);
-    meaning.textContent = element.dataset.keyName ?? element.textContent.trim();
-    list.append(term, meaning);
-  }
+const filled = (element, ...content) => (element.append(...content), element);
+const made = (name, ...content) => filled(document.createElement(name), ...content);
+for (const element of all("[data-key]")) {
+  const key = element.dataset.key === " " ? "space" : element.dataset.key;
+  one("#keys dl")?.append(made("dt", made("kbd", key)), made("dd", element.dataset.keyName ?? element.textContent.trim()));
 }
 
 /* what a WAV file says of itself, read from its first bytes in the browser */
@@ -137,49 +128,60 @@ if (upload || opener) {
   });
 }
 
-/* an upload that shows where it is */
-function send(form) {
-  const bar = one("progress", form);
-  const stage = one("[data-stage]", form);
-  const request = new XMLHttpRequest();
-  request.open("POST", form.action);
+/* a form with something to fill in is sent from its page: a refusal stands at it, and what was typed stays */
+function send(form, submitter) {
+  const bar = Object.assign(made("progress"), { ariaLabel: "Progress", value: 0, hidden: form.enctype !== "multipart/form-data" });
+  const stage = Object.assign(made("p"), { role: "status", className: "hint" });
+  all(":scope > :is(progress, [role=status])", form).forEach((each) => each.remove());
+  form.append(bar, stage);
+  const [request, data] = [new XMLHttpRequest(), new FormData(form, submitter)];
+  const [address, buttons] = [submitter?.getAttribute("formaction") ?? form.getAttribute("action"), all("button:enabled", form)];
+  request.open("POST", address);
   request.setRequestHeader("Accept", "text/html");
-  one("[data-progress]", form).hidden = bar.hidden = false;
-  stage.className = "hint";
-  one("[type=submit]", form).disabled = true;
-  request.upload.addEventListener("progress", (event) => {
-    bar.value = event.loaded / event.total;
-    stage.textContent = `Sending: ${Math.round((100 * event.loaded) / event.total)} %`;
-  });
-  request.upload.addEventListener("load", () => {
-    bar.removeAttribute("value");
-    stage.textContent = "Decoding, extracting features, comparing with the library";
+  buttons.forEach((button) => (button.disabled = true));
+  const refused = (words) => {
+    Object.assign(stage, { className: "notice bad", textContent: words });
+    stage.scrollIntoView({ block: "nearest" });
+    buttons.forEach((button) => (button.disabled = false));
+    bar.hidden = true;
+  };
+  request.upload.addEventListener("progress", ({ loaded, total }) => {
+    if (bar.hidden) return;
+    const share = Math.round((100 * loaded) / total);
+    share < 100 ? (bar.value = share / 100) : bar.removeAttribute("value");
+    stage.textContent = share < 100 ? `Sending: ${share} %` : "Decoding, extracting features, comparing with the library";
   });
   request.addEventListener("load", () => {
-    if (request.status < 400) {
-      location.assign(request.responseURL);
-      return;
-    }
     const page = new DOMParser().parseFromString(request.responseText, "text/html");
-    stage.textContent = one("[data-problem]", page)?.textContent ?? `The service answered ${request.status}.`;
-    stage.className = "notice bad";
-    bar.hidden = true;
-    one("[type=submit]", form).disabled = false;
+    const problem = one("[data-problem]", page)?.textContent;
+    if (problem || !one("main", page)) return refused(problem ?? `The service answered ${request.status}.`);
+    if (request.responseURL !== new URL(address, location).href) return location.assign(request.responseURL);
+    one("main").replaceWith(one("main", page)); // the answer is this page: a key that is shown once, a question
+    [times, asCards].forEach((work) => work(document));
+    scrollTo(0, 0);
   });
-  request.addEventListener("error", () => {
-    stage.className = "notice bad";
-    stage.textContent = "The service did not answer. Check that it runs, then send again.";
-    one("[type=submit]", form).disabled = false;
-  });
-  request.send(new FormData(form));
+  request.addEventListener("error", () => refused("The service did not answer. Check that it runs, then send again."));
+  request.send(bar.hidden ? new URLSearchParams(data) : data);
 }
+addEventListener("submit", (event) => {
+  const { target: form, submitter } = event;
+  if (event.defaultPrevented || form.method !== "post" || !one("input:not([type=hidden], [type=password]), select, textarea", form)) return;
+  event.preventDefault();
+  send(form, submitter);
+});
+
 /* names of axes and gearboxes that are known, while somebody writes one; a gearbox of the axis beside it */
 async function suggest({ target }) {
   if (!target.matches?.("input[data-names]")) return;
   const asked = new URLSearchParams({ search: target.value, axis: target.form.elements.axis?.value ?? "" });
   const answer = await fetch(`${target.dataset.names}?${asked}`, { headers: { Accept: "application/json" } });
-  if (answer.ok) target.list.replaceChildren(...(await answer.json()).map((name) => new Option(name)));
+  if (!answer.ok) return;
+  const names = await answer.json();
+  target.list.replaceChildren(...names.map((name) => new Option(name)));
+  const tick = one(".check", target.parentElement); // asked for only where the name is new
+  if (tick) tick.hidden = !target.value || names.includes(target.value);
 }
+all("input[data-names] ~ .check").forEach((tick) => (tick.hidden = true));
 addEventListener("focusin", suggest);
 addEventListener("input", suggest);
 
@@ -195,19 +197,14 @@ all("[data-zone]").forEach((element) => (element[element.matches("input") ? "val
 for (const form of all("form[data-upload]")) {
   one("input[type=file]", form).addEventListener("change", () => described(form));
   if (one("[data-recorder]", form)) recorder(one("[data-recorder]", form), form);
-  form.addEventListener("submit", (event) => {
-    event.preventDefault();
-    send(form);
-  });
 }
 
 /* copy a command */
-all("[data-copy]").forEach((button) =>
-  button.addEventListener("click", async () => {
-    await navigator.clipboard.writeText(one(button.dataset.copy).textContent);
-    button.textContent = "Copied";
-  }),
-);
+addEventListener("click", async ({ target }) => {
+  if (!target.matches("[data-copy]")) return;
+  await navigator.clipboard.writeText(one(target.dataset.copy).textContent);
+  target.textContent = "Copied";
+});
 
 /* listening: the recording, and A/B with a neighbour at equal loudness */
 const player = one("[data-audio]");
@@ -295,19 +292,10 @@ for (const element of all("[data-job-events]")) {
 }
 
 /* what a slider asks for and cannot have is said where it would stand */
-addEventListener("htmx:responseError", (event) => {
-  const { target, xhr } = event.detail;
-  let words = `The service answered ${xhr.status}.`;
-  try {
-    words = JSON.parse(xhr.responseText).detail ?? words;
-  } catch {
-    // no document: the status says all that there is
-  }
-  const notice = document.createElement("div");
-  notice.className = "notice bad";
-  notice.setAttribute("role", "alert");
-  notice.textContent = words;
-  target.replaceChildren(notice);
+addEventListener("htmx:responseError", ({ detail: { target, xhr } }) => {
+  const isProblem = xhr.getResponseHeader("Content-Type")?.includes("json");
+  const textContent = isProblem ? JSON.parse(xhr.responseText).detail : `The service answered ${xhr.status}.`;
+  target.replaceChildren(Object.assign(made("div"), { className: "notice bad", role: "alert", textContent }));
 });
 
 /* a slider and its number field say the same; without JavaScript there is the number alone */

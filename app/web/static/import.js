@@ -32,6 +32,16 @@ export function dropped({ items, files }) {
   return files.length > 1 ? [...files].map((file) => [file.name, file]) : null;
 }
 
+/* names with the same numbers are near where the rest is the same or one letter away */
+const numbers = (name) => (name.match(/\d+/gu) ?? []).map(Number).join(" ");
+const letters = (name) => name.toLowerCase().replace(/[^\p{L}]/gu, "");
+function isNear(one, other) {
+  const [short, long] = [letters(one), letters(other)].sort((a, b) => a.length - b.length);
+  const from = [...long].findIndex((letter, k) => letter !== short[k]);
+  const isOneAway = [short.slice(from), short.slice(from + 1)].includes(long.slice(from + 1));
+  return numbers(one) === numbers(other) && (from < 0 || isOneAway);
+}
+
 /* what names tell: known words wherever they stand, then what is left of files and folders */
 const SERIAL = /^(g|gb|gear ?box|gear|sn|serial|unit|no)[\s_.-]*\d/iu;
 const AXIS = /(?<!\p{L})(axis|joint)[\s_-]?(\d+|\p{L}(?!\p{L}))/iu;
@@ -98,6 +108,8 @@ export function importer(root) {
     const done = rows.length - left().length;
     const boxes = new Set(rows.filter((row) => row.place === "cases/").map((row) => field(row, "gearbox").value).filter(Boolean)).size;
     [bar.hidden, bar.max, bar.value] = [!done && !sending, rows.length || 1, done];
+    const kept = left().filter((row) => field(row, "label")?.value).length;
+    button.textContent = !kept ? "Diagnose all" : kept === left().length ? "Keep all as cases" : `Keep ${kept} as cases, diagnose ${left().length - kept}`;
     line.textContent = `${done ? `${done} of ` : ""}${rows.length} recordings${done ? " done" : ""}${boxes ? `; gearboxes with cases: ${boxes}` : ""}. ${words}`;
   }
 
@@ -109,13 +121,24 @@ export function importer(root) {
     }
     for (const select of where) select.was = select.value = value;
   }
+  /* a new name that looks like a known one is asked about, once */
+  const answers = new Map();
+  function meant(name, value) {
+    const known = listed(name);
+    if (!value || name === "label" || known.includes(value)) return value;
+    const near = known.find((one) => isNear(one, value));
+    const [key, question] = [`${name} ${value}`, `No ${name} ${value} is known, but ${near} is.\n\nOK: ${near} is meant. Cancel: ${value} is another ${name}.`];
+    if (near && !answers.has(key)) answers.set(key, confirm(question) ? near : value);
+    return answers.get(key) ?? value;
+  }
   function changed(select) {
     const name = select.dataset.kind;
     let { value } = select;
-    if (value === "+") value = prompt(`New ${name}`)?.trim().slice(0, 100) || select.was || "";
+    if (value === "+") value = meant(name, prompt(`Name of the new ${name}, as it shall stand in all lists`)?.trim().slice(0, 100) || select.was || "");
     if (select.dataset.all && !value) return void (select.value = "");
     if (value && name === "label") value = labelled(value, words).label || value.toLowerCase().replace(/\s+/gu, "_");
     choose(name, value, select.dataset.all ? [select, ...left().map((row) => field(row, name))] : [select]);
+    status();
   }
   root.addEventListener("change", ({ target }) => {
     if (target.files) add([...target.files].map((file) => [file.webkitRelativePath || file.name, file]));
@@ -148,7 +171,7 @@ export function importer(root) {
       show(row, "name", path);
       for (const select of all("select", row.element)) {
         select.setAttribute("aria-label", `${select.getAttribute("aria-label")} of ${path}`);
-        choose(select.name, names[k][select.name] ?? "", [select]);
+        choose(select.name, meant(select.name, names[k][select.name] ?? ""), [select]);
       }
       one("[data-remove]", row.element).addEventListener("click", () => {
         rows = rows.filter((other) => other !== row);

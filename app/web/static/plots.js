@@ -89,7 +89,7 @@ function annotate(data) {
       rows[row] = left + wide + 6 * devicePixelRatio;
       ctx.fillText(marker.text, left, u.bbox.top + (12 + 13 * row) * devicePixelRatio);
     }
-    ctx.fillStyle = style("--notch");
+    ctx.fillStyle = style("--event");
     for (const event of data.events ?? []) {
       const x = u.valToPos(event, "x", true);
       if (x < u.bbox.left || x > u.bbox.left + u.bbox.width) continue;
@@ -136,6 +136,7 @@ function ranged(element) {
 }
 
 export function draw(element, data) {
+  const around = (_, low, high) => uPlot.rangeNum(Math.min(low, ...data.bands.map((band) => band.low)), Math.max(high, ...data.bands.map((band) => band.high)), 0.1, true);
   const axis = (label) => ({
     label,
     labelSize: 20,
@@ -153,7 +154,7 @@ export function draw(element, data) {
     width: Math.max(element.clientWidth, 240),
     height: Number(element.dataset.height ?? 240),
     cursor: { sync: element.dataset.cursor ? { key: cursorOf(element.dataset.cursor) } : undefined, drag: { x: true, y: false } },
-    scales: { x: { time: false }, y: data.logarithmic ? { distr: 3 } : {} },
+    scales: { x: { time: false }, y: data.logarithmic ? { distr: 3 } : data.bands?.length ? { range: around } : {} },
     axes: [axis(data.x_label), { ...axis(data.y_label), size: 54 }],
     series: [
       {},

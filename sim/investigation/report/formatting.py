@@ -142,9 +142,9 @@ def likely(probability: float, *, calibrated: bool) -> str:
     """How sure one may be, in words and as a number: in per cent only where that is calibrated.
 
     >>> likely(0.954, calibrated=True), likely(0.954, calibrated=False)
-    ('very likely (95\\xa0%)', 'very likely (score 0.95, not calibrated)')
+    ('very likely (95\\xa0%)', 'very likely (95\\xa0%, not calibrated)')
     """
-    return f"{sure(probability)} ({percent(probability) if calibrated else f'score {probability:.2f}, not calibrated'})"
+    return f"{sure(probability)} ({percent(probability)}{'' if calibrated else ', not calibrated'})"
 
 
 def named(mechanism: str, location: str | None = None) -> str:
