@@ -40,7 +40,7 @@ DATED = re.compile("%[dDjxcsFuUwWaA]")
 """Of a format: it has a day, and not only the time of one."""
 DRAWN = 100
 """Intervals of the course of a column; twice as many columns have one."""
-APART, ALIKE, TOLERANCE, MOST_PAIRED = 8, 0.99, 0.02, 40
+APART, ALIKE, TOLERANCE = 8, 0.99, 0.02
 """Rows over which a speed is held against a position, their correlation, and how far the power of ten may be off."""
 MOST_LOOKED_AT = 1_000_000
 """Values of which a refusal says from where to where they go."""
@@ -223,7 +223,7 @@ def _speeds(
         return
     moving = [k for k, look in enumerate(looks) if look.get("moves") and values[k].size == clock.size > 2 * APART]
     ways = {k: np.cumsum(0.5 * (values[k][1:] + values[k][:-1]) * np.diff(clock)) for k in moving}
-    for one, other in permutations(moving[:MOST_PAIRED], 2):
+    for one, other in permutations(moving[:MOST_SHOWN], 2):
         change = values[one][1:][APART:] - values[one][1:][:-APART]
         way = ways[other][APART:] - ways[other][:-APART]
         slope = float(change @ way / (way @ way))
