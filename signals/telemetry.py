@@ -121,7 +121,8 @@ class Recognition:
             own names.
         open: what has to be filled in, in words; empty where the map reads the table as it is.
         columns: what each looks like, where that was asked for: `name`, and of one that holds numbers the `first`,
-            `low`, `high`, its course `y` from 0 to 1, and whether it `rises` all the time, as a clock, or `moves`.
+            `low`, `high`, its course `y` from 0 to 1, and whether it `rises` all the time, as a clock, or `moves`;
+            and the place of the column that it is the `speed_of`.
     """
 
     map: str

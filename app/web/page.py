@@ -53,7 +53,7 @@ NAVIGATION = (
     ("/diagnoses", "Diagnoses", "2", "viewer"),
     ("/library", "Library", "3", "viewer"),
     ("/axes", "Axes", "4", "viewer"),
-    ("/investigations", "Model", "5", "viewer"),
+    ("/investigations", "Investigations", "5", "viewer"),
     ("/simulate", "Simulate", "0", "viewer"),
     ("/jobs", "Jobs", "6", "operator"),
     ("/alarms", "Alarms", "7", "admin"),

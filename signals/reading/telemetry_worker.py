@@ -1,10 +1,12 @@
 """Telemetry tables, read in the limited process: known columns alone, so many values and no more."""
 
 import json
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +40,8 @@ DATED = re.compile("%[dDjxcsFuUwWaA]")
 """Of a format: it has a day, and not only the time of one."""
 DRAWN = 100
 """Intervals of the course of a column; twice as many columns have one."""
+APART, ALIKE, TOLERANCE = 8, 0.99, 0.02
+"""Rows over which a speed is held against a position, their correlation, and how far the power of ten may be off."""
 MOST_LOOKED_AT = 1_000_000
 """Values of which a refusal says from where to where they go."""
 
@@ -56,10 +60,12 @@ def columns(request: Mapping[str, Any], limits: Mapping[str, float], _: Send) ->
         names = names_of(table)
         found = recognise(names, table.units, table.times)
         values = _looked_at(table, range(len(names))[: 2 * DRAWN], int(limits["cells"]) // 8)
-        looks = [
+        looks: list[dict[str, object]] = [
             {"name": name[:LONGEST_NAME], "time": place in table.times, **_look(values.get(place, np.empty(0)))}
             for place, name in enumerate(names)
         ]
+        for place, speed in _speeds(looks, values):
+            looks[speed]["speed_of"] = place
         map_ = found.map if found.open or not _is_own(channel_map_of(found.map)) else ""
         return {"map": map_, "open": found.open, "columns": looks}
 
@@ -203,6 +209,28 @@ def _look(values: NDArray[np.float64]) -> dict[str, object]:
         # white noise has steps of 1.4 times its spread; what an axis at rest shows is small beside the value
         "moves": bool(2.0 * np.linalg.norm(steps) < spread * values.size**0.5 and spread > 0.01 * np.abs(ends).max()),
     }
+
+
+def _speeds(
+    looks: Sequence[Mapping[str, object]], values: Mapping[int, NDArray[np.float64]]
+) -> Iterator[tuple[int, int]]:
+    """Places of columns that move, and of those that are their speed, up to the unit of time.
+
+    A position's change over some rows is the integral of the speed over them, which rounding hardly disturbs.
+    """
+    clock = next((values[place] for place, look in enumerate(looks) if look.get("rises")), None)
+    if clock is None:
+        return
+    moving = [k for k, look in enumerate(looks) if look.get("moves") and values[k].size == clock.size > 2 * APART]
+    ways = {k: np.cumsum(0.5 * (values[k][1:] + values[k][:-1]) * np.diff(clock)) for k in moving}
+    for one, other in permutations(moving[:MOST_SHOWN], 2):
+        change = values[one][1:][APART:] - values[one][1:][:-APART]
+        way = ways[other][APART:] - ways[other][:-APART]
+        slope = float(change @ way / (way @ way))
+        if slope <= 0.0 or np.corrcoef(change, way)[0, 1] < ALIKE:
+            continue
+        if abs(math.remainder(math.log10(slope), 3.0)) < TOLERANCE:
+            yield one, other
 
 
 def _is_own(map_: ChannelMap) -> bool:

@@ -147,7 +147,7 @@ def _of_torque(
     misfit = excess(problem, fit, gained)
     findings = under_misfit(findings, adequacy(misfit, gained, whole=False))
     findings = tuple(with_action(axis, f) for f in findings)
-    doubts = misfit_remarks(fit, gained)
+    doubts = misfit_remarks(fit, gained, problem.unknown)
     telling = drop_within_tolerance(findings, doubted=bool(data_check.measurement.doubts.size))
     verdict, rest = _verdict(telling, rest, places, doubted=bool(doubts) or any(misfit))
     findings = tuple(f for f in findings if f.probability > 1.0 / (1.0 + NAMES))  # as likely as before any data

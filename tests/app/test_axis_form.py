@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from app.axes import TEMPLATES, UNITS, in_si
-from app.web.pages.describe import described, filled
+from app.axis_form import described, filled
 from benchmarks.harness.inside import Inside
 from benchmarks.harness.live import gearcase
 from sim.description.axis_document import read_axis
@@ -49,7 +49,7 @@ def test_an_axis_is_made_changed_and_refused_by_the_form(service: Inside) -> Non
     fields["motor.inertia_kg_m2.unit"] = "kg cm2"
     refused = service.browse("POST", "/describe", data={**fields, "load.inertia_kg_m2": "heavy"})
     assert refused.status_code == 422
-    assert "load.inertia_kg_m2: must be a number" in refused.text
+    assert "Inertia of the load: must be a number" in refused.text
     assert 'value="joint 1"' in refused.text
     made = service.browse("POST", "/describe", data=fields)
     assert made.headers["location"] == "/axes/joint%201/first-hour"
@@ -57,6 +57,8 @@ def test_an_axis_is_made_changed_and_refused_by_the_form(service: Inside) -> Non
     assert stored["document"]["motor"]["inertia_kg_m2"] == 3.5e-4
     again = service.browse("POST", "/describe", data=fields)
     assert "is called" in again.text
+    bare = service.browse("POST", "/describe", data={"name": "bare", "back": "1"})
+    assert "Inertia of the load: is needed" in bare.text
     change = {**filled(stored["document"]), "axis": "joint 1", "revision": "1", "stages.1.backlash_rad": "2"}
     change["stages.backlash_rad.unit"] = "arcmin"
     assert service.browse("POST", "/describe", data=change).status_code == 303

@@ -19,10 +19,12 @@ pytestmark = pytest.mark.browser
 
 @pytest.fixture
 def unnamed(tmp_path: Path) -> Path:
-    """A log of 31 columns without names: the clock, an angle, others at rest, and the current of the angle's motor."""
+    """A log of 31 columns without names: the clock, an angle, its speed and its motor's current, a current of another
+    motor, and others at rest."""
     columns = np.random.default_rng(7).normal(0.0, 1e-4, (31, 700))
     columns[0] = 1297.499 + np.arange(700) / 100
-    columns[1], columns[13] = 2.0 * np.sin(columns[0]), 5.0 * np.cos(columns[0])
+    columns[1], columns[7] = 2.0 * np.sin(columns[0]), 2.0 * np.cos(columns[0])
+    columns[13], columns[14] = 5.0 * np.cos(columns[0]), np.sin(3.0 * columns[0])
     np.savetxt(tmp_path / "joint1.csv", columns.T, "%.4f", ",")
     return tmp_path / "joint1.csv"
 
@@ -53,8 +55,10 @@ def test_an_unnamed_log_is_investigated_and_its_map_is_kept(opened: Opened, site
         drop(page, unnamed)
         rows = page.locator("[data-columns] tbody tr")
         expect(rows).to_have_count(31)
-        expect(rows.filter(has_text="this one moves")).to_have_count(2)
-        expect(rows.nth(0)).to_contain_text("always rises")
+        marks = ("always rises", "its speed is column 8", "the speed of column 2", "same joint as columns 2 and 8")
+        for column, mark in zip((0, 1, 7, 13), marks, strict=True):
+            expect(rows.nth(column)).to_contain_text(mark)
+        expect(page.locator("[data-does]:not(:empty)")).to_have_count(4)
         page.get_by_label("Axis or robot").select_option("axis/bench")
         choose(page, 1, "time", "s")
         choose(page, 2, "motor position", "rad")
@@ -72,6 +76,27 @@ def test_an_unnamed_log_is_investigated_and_its_map_is_kept(opened: Opened, site
         page.get_by_label("Axis or robot").select_option("axis/bench")
         expect(page.get_by_label("constant of column 14", exact=True)).to_have_value("8.5")
         assert asked(site, started(page)) == (axis, text)
+
+
+def test_a_refusal_is_in_view_and_a_new_axis_is_chosen(opened: Opened, unnamed: Path) -> None:
+    """It stands at its field; the axis is described in a tab that closes by itself."""
+    with opened("admin", "/investigations/new") as page:
+        drop(page, unnamed)
+        expect(page.get_by_label("Start of the sound")).to_be_hidden()
+        expect(page.locator("[data-lacks]")).to_contain_text("an axis")
+        page.get_by_role("button", name="Investigate").click()
+        expect(page.locator("[data-problem-here]")).to_be_in_viewport()
+        expect(page.get_by_label("Axis or robot")).to_be_focused()
+        with page.context.expect_page() as opening:
+            page.get_by_role("link", name="describe it by a form").click()
+        form = opening.value
+        form.get_by_label("Name of the axis").fill("waited for")
+        form.get_by_role("button", name="Add the axis").click()
+        expect(form.get_by_label("Inertia of the load")).to_be_focused()
+        with form.expect_event("close"):
+            form.get_by_label("Inertia of the load").fill("0")
+            form.get_by_role("button", name="Add the axis").click(no_wait_after=True)
+        expect(page.get_by_label("Axis or robot")).to_have_value("axis/waited for")
 
 
 def test_what_is_wrong_with_a_log_stands_at_its_column(

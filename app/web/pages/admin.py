@@ -28,7 +28,7 @@ from app.http.security import COOKIE, FORM_COOKIE, Principal, check_csrf, client
 from app.http.sessions import LASTS, end_session, open_session
 from app.jobs.jobs import ORDERED, job_of
 from app.report.formatting import WORDS
-from app.report.words import VERDICTS
+from app.report.words import VERDICTS, investigation_headline
 from app.service import Reading, Service, TheJobs, TheService, service_of
 from app.web.forms import choices, number
 from app.web.page import (
@@ -46,9 +46,10 @@ from app.web.page import (
     root_of,
 )
 from app.web.pages.axes import in_words
+from app.web.pages.investigations import box_of_row
 from casebase.alarms import outbox, rules
 from casebase.store import audit
-from casebase.store.models import AuditEntry, StoredJob, now
+from casebase.store.models import AuditEntry, StoredInvestigation, StoredJob, now
 
 router = APIRouter()
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
@@ -74,9 +75,14 @@ def job_list(request: Request, session: Reading, jobs: TheJobs, principal: PageO
 
 
 @router.get("/jobs/{job_id}")
-def job(request: Request, jobs: TheJobs, principal: PageOperator, job_id: str) -> Response:
+def job(request: Request, service: TheService, jobs: TheJobs, principal: PageOperator, job_id: str) -> Response:
     """One job, live."""
-    return render(request, "job.html", {"job": jobs.get(job_id)}, principal=principal, section="/jobs")
+    shown = jobs.get(job_id)
+    with service.library.reading() as session:
+        row = session.get(StoredInvestigation, job_id) if shown.kind == "investigations" else None
+        document = row.document if row is not None else None
+        found = {"headline": investigation_headline(document), "box": box_of_row(row)} if row and document else None
+    return render(request, "job.html", {"job": shown, "found": found}, principal=principal, section="/jobs")
 
 
 @router.post("/jobs/{job_id}/cancel", dependencies=[FromOurPage])

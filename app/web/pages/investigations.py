@@ -31,7 +31,15 @@ from signals.telemetry import CHANNELS, TIME
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.errors import AxisError
-from sim.investigation.report.box import box_of, box_of_robot, is_urgent, refused, rests_of_robot, unexplained_words
+from sim.investigation.report.box import (
+    box_of,
+    box_of_robot,
+    is_urgent,
+    limits_of,
+    refused,
+    rests_of_robot,
+    unexplained_words,
+)
 from sim.investigation.report.panels import SHOWS
 from sim.investigation.unexplained import unexplained_of
 
@@ -119,6 +127,7 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "document": document,
         "headline": investigation_headline(document) if document else None,
         "box": box_of_row(row),
+        "limits": limits_of(document),
         "bar": bar_of(document),
         "shows": SHOWS,
         "overlay": panels_of(document, "overlay"),
@@ -130,7 +139,7 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
             "unexplained": rests_of_robot(document) if document else "",
             "finding_words": finding_words,
             "unexplained_words": lambda found: unexplained_words(unexplained_of(found)),
-            "not_examined": document.get("remarks", ()),
+            "not_examined": [one for one in document.get("remarks", ()) if one not in context["limits"]],
             "joints": joints_of(document) if document else (),
             "robot_values": of_robot(document) if document else (),
         }
@@ -145,7 +154,7 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "sound": panels_of(document, "sound"),
         "candidates": told.get("candidates", ()),
         "checked": told.get("checked", ()),
-        "not_examined": told.get("not_examined", ()),
+        "not_examined": [one for one in told.get("not_examined", ()) if one not in context["limits"]],
         "diagnosed": verdict_of(diagnosed.document).headline if diagnosed else None,
     }
     return render(request, "investigation.html", context, principal=principal, section=SECTION)

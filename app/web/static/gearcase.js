@@ -97,6 +97,12 @@ async function several(found) {
   await many(await found);
 }
 
+/* an axis that was described for an investigation that waits in another tab */
+if (one("[data-stored]")) {
+  localStorage.setItem("gearcase-axis", `${one("[data-stored]").dataset.stored} ${Date.now()}`);
+  if (window.opener) close();
+}
+
 /* drop a recording anywhere, or what is to be investigated */
 const investigate = one("[data-investigate]") && investigation(one("[data-investigate]"));
 const upload = one("form[data-upload]");

@@ -5,7 +5,7 @@ import { drawAnew } from "./plots.js";
 
 const TIME = "time_s";
 const FACTOR = ["factor", "times 1"];
-const CONSTANTS = { A: ["factor", "N m per A, data sheet"], "%": ["factor", "N m per %"], count: ["counts_per_rev", "counts per turn"], format: ["format", "%d.%m.%Y %H:%M:%S,%f"] };
+const CONSTANTS = { A: ["factor", "N m per A"], "%": ["factor", "N m per %"], count: ["counts_per_rev", "counts per turn"], format: ["format", "%d.%m.%Y %H:%M:%S,%f"] };
 const SETTLED_MS = 400; // after the last change
 const SOUNDS = /\.(wav|flac|caf|amr|mka|ogg|opus|mp3|m4a|aac|webm)$/i;
 const MOVING = "joint:is([type=revolute], [type=continuous], [type=prismatic]):not(:has(mimic))";
@@ -16,7 +16,7 @@ export function investigation(form) {
   const { root, investigate } = form.dataset;
   const units = JSON.parse(investigate);
   const field = (name) => form.elements[name];
-  const [table, body, status, problem, map, rate, store] = ["[data-columns]", "tbody", "[data-status]", "[data-problem-here]", "#channels", "#rate", "[data-store]"].map((each) => one(each, form));
+  const [table, body, status, problem, map, rate, store, lacks, offset] = ["[data-columns]", "tbody", "[data-status]", "[data-problem-here]", "#channels", "#rate", "[data-store]", "[data-lacks]", "[data-offset]"].map((each) => one(each, form));
   const template = one("template", form).content;
   let [rows, joints, layout, reading, waiting] = [[], [], {}, 0, 0];
   let [isNeeded, isEdited] = [false, false]; // the channel map
@@ -34,13 +34,22 @@ export function investigation(form) {
   }
 
   /* the table: what a log has, and what each column is taken for */
+  function seen({ rises, speed_of: position, moves }, place, columns) {
+    const pairs = columns.map((each, k) => [each.speed_of, k]).filter(([of]) => of !== undefined);
+    const numbers = ([of, speed]) => `columns ${of + 1} and ${speed + 1}`;
+    const pair = pairs.find(([of, speed]) => of === place || (moves && place > speed && speed - of > 1 && (place - speed) % (speed - of) === 0));
+    if (rises) return "always rises";
+    if (position !== undefined) return `looks like the speed of column ${position + 1}`;
+    if (!pair) return moves && !pairs.length ? "moves" : "";
+    return pair[0] === place ? `its speed is column ${pair[1] + 1}` : `same joint as ${numbers(pair)}, by its place`;
+  }
   function added(column, place, columns) {
     body.append(template.cloneNode(true));
     const isNamed = /\D/.test(column.name);
     const row = { place, called: isNamed ? column.name : `column ${place + 1}`, element: body.lastElementChild, given: {} };
     row.key = isNamed && columns.filter(({ name }) => name === column.name).length === 1 ? column.name : place + 1;
     part(row, "name").textContent = row.called;
-    part(row, "does").textContent = column.rises ? "always rises" : column.moves ? "this one moves" : "";
+    part(row, "does").textContent = seen(column, place, columns);
     for (const name of ["channel", "joint", "unit", "constant"]) part(row, name).setAttribute("aria-label", `${name} of ${row.called}`);
     part(row, "joint").replaceChildren(...joints.map((name, k) => new Option(name, k)));
     const chart = one("svg", row.element);
@@ -96,7 +105,23 @@ export function investigation(form) {
     return JSON.stringify(out, null, 1);
   }
 
-  /* what is missing or wrong: at its column, else above the button; the first of it, null where all is there */
+  /* what is missing or wrong stands at its field or column, and beside the button; the first of it, nothing where all is there */
+  function say(at, text) {
+    at.closest("details")?.setAttribute("open", "");
+    at.after(problem);
+    problem.textContent = text;
+    return at;
+  }
+  function lacking() {
+    const given = (...names) => names.some((name) => field(name)?.value);
+    if (!given("subject", "axis", "robot", "urdf", "again", "diagnosis")) return [field("subject"), "Choose an axis or a robot."];
+    return given("telemetry", "sound", "again", "diagnosis") ? null : [field("telemetry"), "Choose the log of the drive, or a sound."];
+  }
+  function outstanding() {
+    const next = lacking() ?? missing();
+    lacks.textContent = next ? `Not yet: ${next[1]}` : "";
+    offset.hidden = !offset.dataset.offset && !field("sound")?.value;
+  }
   function wrong(row, text) {
     part(row, "wrong").textContent = text;
     part(row, "channel").setAttribute("aria-invalid", Boolean(text));
@@ -113,23 +138,25 @@ export function investigation(form) {
     return lacking > 0 ? `A column for each joint is needed, ${lacking} are not chosen.` : "";
   }
   function missing() {
-    problem.textContent = "";
-    const first = rows.map((row) => wrong(row, faults(row))).find(Boolean);
-    if (first || !rows.length) return first;
-    if (!taken(TIME).length && !Number(rate.value)) problem.textContent = "Choose the column that is the time, or give the rows per second.";
-    else if (taken("").length + taken(TIME).length === rows.length) problem.textContent = "Choose what the other columns are: torque or current, and position or speed.";
-    return problem.textContent && rate;
+    const [first] = rows.filter((row) => wrong(row, faults(row)));
+    if (first) return [part(first, "channel"), `${first.called}: ${faults(first)}`];
+    if (!rows.length) return null;
+    if (!taken(TIME).length && !Number(rate.value)) return [rate, "Choose the column that is the time, or give the rows per second."];
+    return taken("").length + taken(TIME).length < rows.length ? null : [rate, "Choose what the other columns are: torque or current, and position or speed."];
   }
   function refused({ message }) {
     const named = message.match(/the column (.+?) holds/)?.[1];
     const fits = rows.filter((row) => channel(row) && (String(row.key) === named || message.includes(channel(row))));
     const row = fits.find((each) => message.includes(`${joints[joint(each)]}: `)) ?? fits[0];
     if (row) return wrong(row, words(message));
-    problem.textContent = words(message);
-    return field("subject");
+    const files = ["telemetry", "sound", "as_new", "urdf", "axis"].filter((name) => field(name)?.value);
+    const about = files.find((name) => [...field(name).files].some((file) => message.includes(file.name)) || message.includes(`'${name}'`));
+    return say(field((about ?? (field("subject").value && files[0])) || "subject"), words(message));
   }
   function changed() {
     if (isNeeded) map.value = written();
+    problem.textContent = "";
+    outstanding();
     clearTimeout(waiting);
     if (rows.length && !missing() && joints.length < 2) waiting = setTimeout(readLog, SETTLED_MS);
   }
@@ -137,7 +164,7 @@ export function investigation(form) {
   async function columns(text = "") {
     const [number, [file, ...others]] = [++reading, field("telemetry").files];
     table.hidden = !file && !field("again");
-    if (table.hidden) return;
+    if (table.hidden) return outstanding();
     [map.value, isEdited, status.textContent, table.disabled] = [text, Boolean(text), "Reading the columns …", true];
     const said = await post("investigations/columns", ["sound", "as_new"]).then((answer) => answer.json()).then((found) => {
       if (number !== reading) return "";
@@ -181,13 +208,12 @@ export function investigation(form) {
     list.value = fresh.value;
     described();
   }
-  field("subject").addEventListener("change", ({ target }) => {
-    if (target.value !== "+") return described();
-    target.value = "";
-    open(`${root}describe`);
-    addEventListener("focus", listed);
+  one("[data-describe]", form)?.addEventListener("click", (event) => {
+    event.preventDefault();
+    open(event.target.href); // it may close itself then
   });
-  for (const name of ["axis", "robot"]) field(name).addEventListener("change", described);
+  addEventListener("storage", ({ key }) => key === "gearcase-axis" && listed());
+  for (const name of ["subject", "axis", "robot"]) field(name).addEventListener("change", described);
   field("urdf").addEventListener("change", async ({ target }) => {
     if (!target.files.length) return described();
     const found = new DOMParser().parseFromString(await target.files[0].text(), "text/xml");
@@ -208,11 +234,13 @@ export function investigation(form) {
   form.noValidate = true; // what is missing is said at its place
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
-    const button = one(".primary", form);
+    const [button, lack] = [one(".primary", form), lacking() ?? missing()];
     button.disabled = true; // or a second press would ask for another one
-    const at = missing() || (await post("investigations/new").then(({ url }) => location.assign(url), refused));
+    const at = lack ? lack[0] : await post("investigations/new").then(({ url }) => location.assign(url), refused);
     button.disabled = false;
+    if (lack && !at.closest("tr")) say(...lack);
     at?.focus();
+    at?.scrollIntoView({ block: "center" });
   });
 
   /* log and sound laid over each other before anything is asked; the sound is moved by its offset */
@@ -262,6 +290,8 @@ export function investigation(form) {
     looked(["as_new", "telemetry", "again"], (found) => void (sound = found), ({ message }) => message);
   });
   field("sound_offset_s").addEventListener("input", show);
+  form.addEventListener("change", outstanding);
+  outstanding();
   if (field("again")) columns(map.value);
 
   /* files that are dropped, each where it belongs */

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -21,8 +21,8 @@ from sim.mechanisms.mechanism import Need
 SOLID = ("kg m2", "N m/rad")  # units of inertia and stiffness, in which no data sheet is far wrong
 
 
-def misfit_remarks(fit: Fit, gained: Sequence[Gain]) -> tuple[str, ...]:
-    """Why the numbers of the last fit are not to be trusted, if anything says so."""
+def misfit_remarks(fit: Fit, gained: Sequence[Gain], unknown: Collection[str]) -> tuple[str, ...]:
+    """Why the numbers of the last fit are not to be trusted, if anything says so; `unknown`: those nobody gave."""
     out = []
     torque = gained[0]
     measured, left = torque.rms_measured, torque.rms_after
@@ -32,15 +32,22 @@ def misfit_remarks(fit: Fit, gained: Sequence[Gain]) -> tuple[str, ...]:
             f"{left:.3g} are unexplained. Check the description, the units and signs of the channels, and "
             "what happened during the record before you use any of these numbers."
         )
-    bent = [
-        f"{p.name} {p.expected:.3g} -> {fit.values[p.name]:.3g}"
+    at_limit = [
+        p
         for p, limit in zip(fit.parameters, fit.at_limit, strict=True)
         if limit and p.owner is Owner.DESCRIPTION and p.unit in SOLID
     ]
+    bent = [f"{p.name} {p.expected:.3g} -> {fit.values[p.name]:.3g}" for p in at_limit if p.name not in unknown]
     if bent:
         out.append(
             f"To explain the data the description would have to be wrong by a factor of 2.5: {', '.join(bent)}. "
             "Either the description is of another axis, or something is missing that no mechanism explains."
+        )
+    extreme = [f"{p.name} {fit.values[p.name]:.3g} {p.unit}" for p in at_limit if p.name in unknown]
+    if extreme:
+        out.append(
+            f"The data ask for an extreme value of what the description leaves open: {', '.join(extreme)}, where the "
+            "search ended. Use no such value, and doubt the sizes found: check ratio, load, and units of the channels."
         )
     return tuple(out)
 

@@ -44,6 +44,18 @@ UNITS = {"_rad_s": "rad/s", "_hz": "Hz", "_s": "s"}  # by the ending of a number
 PAYLOAD, FLANGE = "payload", "the flange"
 WHOLE, UNKNOWN, RECORDING = "the axis as a whole", "these data do not show where", "the recording, not the machine"
 
+LIMITING = ("The model does not fit", "To explain the data", "The data ask for", "The data contradict")
+"""A remark with these words limits every finding, and stands beside them."""
+
+
+def limits_of(document: Document) -> list[str]:
+    """Return the remarks that limit every finding.
+
+    >>> limits_of({"remarks": ["There is no encoder.", "The data contradict the description: load."]})
+    ['The data contradict the description: load.']
+    """
+    return [one for one in document.get("remarks", ()) if any(words in one for words in LIMITING)]
+
 
 @dataclass(frozen=True)
 class Size:
@@ -59,13 +71,14 @@ class Size:
 
     @property
     def words(self) -> str:
-        """In one line, with what is allowed as new.
+        """In one line, with its interval and what is allowed as new.
 
         >>> Size("gap", "0.0012 rad", "0.0011 to 0.0013 rad", "0.0003 rad").words
-        'Gap 0.0012 rad (as new at most 0.0003 rad)'
+        'Gap 0.0012 rad, 90 % interval 0.0011 to 0.0013 rad (as new at most 0.0003 rad)'
         """
+        between = f", 90 % interval {self.interval}" if self.interval else ""
         new = f" ({as_new_words(self.as_new)})" if self.as_new else ""
-        return f"{self.name[:1].upper()}{self.name[1:]} {self.value}{new}"
+        return f"{self.name[:1].upper()}{self.name[1:]} {self.value}{between}{new}"
 
 
 @dataclass(frozen=True)

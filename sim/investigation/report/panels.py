@@ -16,8 +16,8 @@ RIGID = "rigid body, as described"
 AS_DESCRIBED = "as described, without it"
 SOUND = "sound"
 SHOWS = (
-    "“Measured” stands here after everything else in the model is taken off. Where “with what was found” lies on it, "
-    "the finding explains it."
+    "“Measured” is the measured torque less all that the model has besides this finding. Where “with what was found” "
+    "lies on it, the finding explains it."
 )
 STYLES = {DESCRIBED: 1, RIGID: 1, AS_DESCRIBED: 1, EXTENDED: 2, MEASURED: 5, FLOOR: 6, SOUND: 7}
 """Colour and stroke of a thing, by number, in every panel of page and report; others are 1 to 4 as they come."""

@@ -33,6 +33,7 @@ def test_what_a_new_axis_has_at_most_stands_beside_what_was_found(mechanism: str
     words = entry.sizes[0].words
     assert ("as new at most" in words) == bool(allowed)
     assert allowed in words
+    assert entry.sizes[0].interval in words
     assert words in dict(entry.facts)["What"], "on paper too"
     (of_robot,) = box_of(found(mechanism, parameter), None)
     assert "as new" not in of_robot.sizes[0].words, "no description, no limit"
