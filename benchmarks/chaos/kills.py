@@ -290,7 +290,7 @@ def _told(session: Session, hook: Webhook) -> Iterator[str]:
         if each.id not in hook.taken:
             yield f"lost: message {each.id} is {each.state} and never arrived"
     yield from (f"message {each} is of no row" for each in hook.taken.keys() - {each.id for each in told})
-    yield from (f"message {each} came in two forms" for each, bodies in hook.taken.items() if len(set(bodies)) > 1)
+    yield from (f"message {each} came as {set(bodies)}" for each, bodies in hook.taken.items() if len(set(bodies)) > 1)
     about = Counter((each.message["rule"], each.message["gearbox"]) for each in told)
     yield from (f"doubled: {place} was told {count} times" for place, count in about.items() if count > 1)
     heard = select(StoredDiagnosis.verdict, StoredRecording.gearbox).join(StoredDiagnosis.recording)

@@ -25,7 +25,10 @@ class Webhook:
 
         class Handler(BaseHTTPRequestHandler):
             def do_POST(self) -> None:
-                content = self.rfile.read(int(self.headers["Content-Length"]))
+                length = int(self.headers["Content-Length"])
+                content = self.rfile.read(length)
+                if len(content) < length:  # who sent it was killed meanwhile
+                    return
                 drawn = 1.0 if hook.well else hook.chance.random()
                 if drawn >= FAILS:
                     hook.taken[self.headers["webhook-id"]].append(content)
