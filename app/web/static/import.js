@@ -118,7 +118,10 @@ export function importer(root) {
     choose(name, value, select.dataset.all ? [select, ...left().map((row) => field(row, name))] : [select]);
   }
   root.addEventListener("change", ({ target }) => {
-    if (target.files) add([...target.files].map((file) => [file.webkitRelativePath || file.name, file]));
+    const all_at = target.type === "datetime-local" && target.dataset.all;
+    if (all_at) left().forEach((row) => (field(row, "recorded_at").value = target.value));
+    else if (target.type === "datetime-local") return;
+    else if (target.files) add([...target.files].map((file) => [file.webkitRelativePath || file.name, file]));
     else changed(target);
   });
 
@@ -146,9 +149,11 @@ export function importer(root) {
       body.append(template.cloneNode(true));
       const row = { file, path, element: body.lastElementChild };
       show(row, "name", path);
-      for (const select of all("select", row.element)) {
+      const made = new Date(file.lastModified);
+      field(row, "recorded_at").value = new Date(made - 60_000 * made.getTimezoneOffset()).toISOString().slice(0, 19);
+      for (const select of all("select, input", row.element)) {
         select.setAttribute("aria-label", `${select.getAttribute("aria-label")} of ${path}`);
-        choose(select.name, names[k][select.name] ?? "", [select]);
+        if (select.options) choose(select.name, names[k][select.name] ?? "", [select]);
       }
       one("[data-remove]", row.element).addEventListener("click", () => {
         rows = rows.filter((other) => other !== row);
@@ -167,6 +172,8 @@ export function importer(root) {
   async function store(row) {
     const given = Object.fromEntries(all("select", row.element).map(({ name, value }) => [name, value]).filter(([, value]) => value));
     if (!given.label) delete given.verification;
+    const at = field(row, "recorded_at").value;
+    if (at) given.recorded_at = new Date(at).toISOString();
     const asked = JSON.stringify(given);
     if (row.asked !== asked) Object.assign(row, { asked, key: random() }); // what is sent again is done once
     show(row, "state", "sending");
@@ -174,7 +181,7 @@ export function importer(root) {
       const made = await upload(row, given.label ? "/cases" : "/diagnoses", "metadata", given, { "Idempotency-Key": row.key, "X-Request-ID": step });
       Object.assign(row, { place: given.label ? "cases/" : "diagnoses/", added: given.label && made.isNew ? made.id : null });
       show(row, "state", link(`${pages}${row.place}${made.id}`, !given.label ? "diagnosed" : row.added ? "kept" : "there already"));
-      all("select, button", row.element).forEach((each) => (each.disabled = true));
+      all("select, input, button", row.element).forEach((each) => (each.disabled = true));
     } catch (error) {
       show(row, "state", error.message);
     }
@@ -201,7 +208,7 @@ export function importer(root) {
     for (const row of rows.filter((each) => each.added)) {
       Object.assign(row, { place: null, added: null, asked: null });
       show(row, "state", "taken back");
-      all("select, button", row.element).forEach((each) => (each.disabled = false));
+      all("select, input, button", row.element).forEach((each) => (each.disabled = false));
     }
     [step, undo.hidden, button.disabled] = [`step-${random()}`, true, false];
     button.focus();
