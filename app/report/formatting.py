@@ -71,11 +71,7 @@ def sentence(text: str) -> str:
 
 
 def in_series(words: Iterable[str]) -> str:
-    """Write words as a series.
-
-    >>> in_series(["no fault", "tooth damage", "backlash"])
-    'no fault, tooth damage and backlash'
-    """
+    """Write words as a series: "no fault, tooth damage and backlash"."""
     *others, last = words
     return f"{', '.join(others)} and {last}" if others else last
 

@@ -8,7 +8,18 @@ from zoneinfo import ZoneInfo
 from markupsafe import Markup
 
 from app.report.formatting import NO_BREAK, in_series, name_of, person, shape, term
-from app.report.words import ALIKE, CHECKS, REPAIR, SOON, checks_of, in_short, is_compared, one_of, sure_of, verdict_of
+from app.report.words import (
+    ALIKE,
+    CHECKS,
+    REPAIR,
+    SOON,
+    checks_of,
+    in_short,
+    is_compared,
+    one_of,
+    sure_words,
+    verdict_of,
+)
 from casebase.gearbox_state import NamedFault, Reason, Standing, State
 from casebase.gearboxes import GearboxRecording
 from casebase.reasoning.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
@@ -72,15 +83,15 @@ def why(standing: Standing | None, zone: str, document: Document | None = None) 
         put_in = None if standing is None else standing.since
         return f"New since {day(put_in, zone)}, and not recorded yet." if put_in else "Nothing was recorded yet."
     name = name_of(standing.recording.label if standing.recording else None)
-    on = day(standing.since, zone)
+    on, others = day(standing.since, zone), _others(standing, zone)
     match standing.reason:
         case Reason.NAMED | Reason.UNDECIDED | Reason.UNLIKE if document and _is_open(document):
-            return in_short(document)
+            return f"{in_short(document)} {others}".strip()
         case Reason.NAMED:
-            return f"The newest recording sounds like {name}.{_sure(document)}{_others(standing, zone)}"
+            return f"The newest recording sounds like {name}. {sure_words(document)}{others}".strip()
         case Reason.FOUND if standing.recording is not None:
             one = standing.recording
-            return f"{person(one.by)} says ({day(one.judged_at, zone)}) that it has {name}.{_others(standing, zone)}"
+            return f"{person(one.by)} says ({day(one.judged_at, zone)}) that it has {name}. {others}".strip()
         case Reason.LABELLED:
             unknown = "" if standing.since else ", and it is not known when they were made"
             said = f"Its recordings are labelled {in_series(map(name_of, standing.labels))}{unknown}"
@@ -99,21 +110,17 @@ def why(standing: Standing | None, zone: str, document: Document | None = None) 
         case reason if reason in SAME_WORDS:
             return SAME_WORDS[reason]
         case _:
-            outweighed = f" {named_words(standing.fault, zone)}" if standing.fault else ""
+            outweighed = named_words(standing.fault, zone) if standing.fault else ""
             trend = ", and its trend shows no change" if standing.trend else ""
-            return f"The newest recording sounds like a good gearbox{trend}.{_sure(document)}{outweighed}"
-
-
-def _sure(document: Document | None) -> str:
-    sure = sure_of(document) if document else ""
-    return f" How sure: {sure}." if sure else ""
+            good = f"The newest recording sounds like a good gearbox{trend}."
+            return f"{good} {sure_words(document)}{outweighed}".strip()
 
 
 def _others(standing: Standing, zone: str) -> str:
     """Say which other faults were named before the one that the newest recording shows."""
     fault, newest = standing.fault, standing.recording
     others = [one for one in fault.named if newest and one.label != newest.label] if fault else []
-    return f" {_named(others, zone)}, too." if others else ""
+    return f"{_named(others, zone)}, too." if others else ""
 
 
 def _is_open(document: Document) -> bool:

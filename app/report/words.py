@@ -140,8 +140,9 @@ def verdict_word(document: Mapping[str, Any]) -> str:
 
 def in_short(document: Mapping[str, Any]) -> str:
     """Say in a row of a table what a diagnosis is and how sure."""
-    more = _border(document)[0] if document["verdict"] == "ambiguous" else _sure(document)
-    return f"{verdict_of(document).headline}. {more}".strip()
+    verdict = verdict_of(document)
+    more = _border(document)[0] if document["verdict"] == "ambiguous" else sure_words(document)
+    return f"{verdict.headline}. {verdict.sure if verdict.again else more}".strip()
 
 
 def how_sure(document: Mapping[str, Any]) -> str:
@@ -151,7 +152,7 @@ def how_sure(document: Mapping[str, Any]) -> str:
     'score 0.94'
     """
     sure = certainty(document)
-    if sure is None:
+    if sure is None or (document["verdict"] != "diagnosed" and _limit(document)[0]):
         return "–"
     if document["verdict"] == "diagnosed":
         return sure[0]
@@ -281,7 +282,7 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
     headline = "No fault indicated" if good else f"Fault likely: {present}"
     short = tuple(flag["reason"] for flag in document["quality"] if flag["name"].startswith(TOO_SHORT))
     noted = "".join(f" {sentence(reason)}" for reason in short)
-    sure = f"{_sure(document)}{limits_of(document) if good else _size(document)}".strip() + noted
+    sure = f"{sure_words(document)}{limits_of(document) if good else _size(document)}".strip() + noted
     rest = f"{_left(document)}{_support(document)}"
     return Verdict(headline, sure, label, checks_of(document, label), short, why(document, [label]), rest)
 
@@ -361,7 +362,7 @@ def _not_in_library(document: Mapping[str, Any]) -> Verdict:
         summary = " ".join(map(sentence, (*too_short(document), *remarks)))
         return Verdict(f"No answer: {EMPTY}", summary, None, EMPTY_CHECKS, remarks)
     told = (*reasons, *(why or _remarks(document, UNLIKE)))
-    summary = " ".join(map(sentence, told))
+    summary = " ".join(map(sentence, reasons if limit else told))
     kinds = (
         f"the one kind it knows, {name_of(document['hypotheses'][0]['label'])}" if _knows_one_label(document) else ""
     )
@@ -406,7 +407,7 @@ def is_compared(document: Mapping[str, Any]) -> bool:
 def _limit(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
     """Return in two words why no answer to a recording can be relied on, and the reasons; empty where it can."""
     short, poor = too_short(document), _remarks(document, TOO_POOR)
-    return "too short" if short else "too poor" if poor or is_poor(document) else "", (*short, *poor)
+    return "too short" if short else "too poor" if poor or is_poor(document) else "", short or poor
 
 
 def _border(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
@@ -416,11 +417,12 @@ def _border(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
     sure = sure_of(document)
     if sure and document["probability"] < DIAGNOSED_FROM:
         return f"How sure: {sure}; {_written(document, DIAGNOSED_FROM)} is asked for. {why}", told
-    return f"{_sure(document)}{why}", told
+    return f"{sure_words(document)}{why}", told
 
 
-def _sure(document: Mapping[str, Any]) -> str:
-    sure = sure_of(document)
+def sure_words(document: Mapping[str, Any] | None) -> str:
+    """Say how sure a diagnosis is, as a sentence with a space behind it; empty where it says nothing."""
+    sure = sure_of(document) if document else ""
     return f"How sure: {sure}. " if sure else ""
 
 

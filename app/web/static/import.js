@@ -118,11 +118,9 @@ export function importer(root) {
     choose(name, value, select.dataset.all ? [select, ...left().map((row) => field(row, name))] : [select]);
   }
   root.addEventListener("change", ({ target }) => {
-    const all_at = target.type === "datetime-local" && target.dataset.all;
-    if (all_at) left().forEach((row) => (field(row, "recorded_at").value = target.value));
-    else if (target.type === "datetime-local") return;
+    if (target.dataset.all === "recorded_at") left().forEach((row) => (field(row, "recorded_at").value = target.value));
     else if (target.files) add([...target.files].map((file) => [file.webkitRelativePath || file.name, file]));
-    else changed(target);
+    else if (target.options) changed(target);
   });
 
   async function recognise(row) {
@@ -149,8 +147,8 @@ export function importer(root) {
       body.append(template.cloneNode(true));
       const row = { file, path, element: body.lastElementChild };
       show(row, "name", path);
-      const made = new Date(file.lastModified);
-      field(row, "recorded_at").value = new Date(made - 60_000 * made.getTimezoneOffset()).toISOString().slice(0, 19);
+      const saved = new Date(Math.floor(file.lastModified / 1000) * 1000);
+      field(row, "recorded_at").valueAsNumber = saved - 60_000 * saved.getTimezoneOffset(); // at this place
       for (const select of all("select, input", row.element)) {
         select.setAttribute("aria-label", `${select.getAttribute("aria-label")} of ${path}`);
         if (select.options) choose(select.name, names[k][select.name] ?? "", [select]);
@@ -170,10 +168,9 @@ export function importer(root) {
   }
 
   async function store(row) {
-    const given = Object.fromEntries(all("select", row.element).map(({ name, value }) => [name, value]).filter(([, value]) => value));
+    const given = Object.fromEntries(all("select, input", row.element).map(({ name, value }) => [name, value]).filter(([, value]) => value));
     if (!given.label) delete given.verification;
-    const at = field(row, "recorded_at").value;
-    if (at) given.recorded_at = new Date(at).toISOString();
+    if (given.recorded_at) given.recorded_at = new Date(given.recorded_at).toISOString();
     const asked = JSON.stringify(given);
     if (row.asked !== asked) Object.assign(row, { asked, key: random() }); // what is sent again is done once
     show(row, "state", "sending");
