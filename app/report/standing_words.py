@@ -194,7 +194,7 @@ def next_steps(standing: Standing | None, document: Document | None = None) -> t
 def trend_words(trend: Trend | None, zone: str) -> str:
     """Say whether its sound has changed, and since when."""
     if trend is None:
-        return "A trend needs two recordings that name the gearbox and can be compared."
+        return "A trend needs two recordings of known time that name the gearbox and can be compared."
     if trend.at_once is not None:
         return (
             f"Its sound changed at once about {day(trend.at_once.at, zone)}: part grew louder, part quieter, as "
