@@ -8,6 +8,7 @@ from sqlalchemy import Exists, delete, exists, or_, select
 from sqlalchemy.orm import Session
 
 from casebase.errors import ConflictError
+from casebase.origins import is_retired
 from casebase.store import audit, revisions
 from casebase.store.models import AxisRevision, StoredInvestigation, StoredRecording
 
@@ -90,7 +91,7 @@ def _letters(name: str) -> str:
 
 def axis_names(session: Session) -> Sequence[str]:
     """Return the names of the axes that are described or that recordings name."""
-    recorded = select(StoredRecording.axis).where(StoredRecording.axis.is_not(None))
+    recorded = select(StoredRecording.axis).where(StoredRecording.axis.is_not(None), ~is_retired())
     return session.scalars(select(AxisRevision.name).union(recorded)).all()
 
 

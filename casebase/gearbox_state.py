@@ -10,17 +10,23 @@ A worn gear does not heal. A fault that was named stands until a person rejects 
 recordings named normal outweigh it. Each answer is right nine times in ten, so were they independent, one normal would
 cancel one fault and the next make good nine times as likely. Recordings of one gearbox err together, so one more is
 asked for. What was heard before the fault speaks neither way: faults begin. Nothing outweighs what a person found.
+
+Labelled recordings teach the library. Where nobody knows when they were made, or those of one day contradict each
+other, they do not tell what the gearbox is like today.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from enum import StrEnum
+from itertools import takewhile
 
 from casebase.gearboxes import OPEN, REJECTED, GearboxRecording, History
 from casebase.labels import BASELINES
 from casebase.reasoning.trend import Trend
 
+AT_ONE_TIME = timedelta(days=1)
+"""Between labelled recordings so near to each other a gearbox is the same."""
 OUTWEIGHED_BY = 2
 """By so many more recordings named normal a named fault is outweighed [1]."""
 
@@ -40,6 +46,7 @@ class Reason(StrEnum):
 
     NAMED = "named"
     FOUND = "found"
+    LABELLED = "labelled"
     CHANGED = "changed"
     AT_ONCE = "at once"
     NAMED_BEFORE = "named before"
@@ -57,10 +64,11 @@ class Standing:
     """State of a gearbox.
 
     Args:
-        since: from when on it has been so; None where it was never heard.
+        since: from when on it has been so; None where it was never heard, or nobody knows when.
         recording: that shows it.
         last: the newest recording.
         fault: the fault that was named and stands, or was outweighed; None where none was named.
+        labels: of labelled recordings that do not tell its state of today.
     """
 
     state: State
@@ -70,6 +78,7 @@ class Standing:
     last: GearboxRecording | None = None
     trend: Trend | None = None
     fault: "NamedFault | None" = None
+    labels: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -152,12 +161,17 @@ def standing(history: History, trend: Trend | None, now: datetime, silent_after:
     newest = usable[-1] if usable else None
     fault, at_once = named_fault(usable), None if trend is None else trend.at_once
     changed = trend is not None and trend.changed and at_once is None
+    taught = _taught_at_the_end(usable)
+    labels = tuple(dict.fromkeys(one.label or "" for one in taught))
+    if len(labels) > 1 or any(not one.timed for one in taught):
+        state = State.WATCH if len(labels) > 1 and all(one.timed for one in taught) else State.CANNOT_SAY
+        return Standing(state, Reason.LABELLED, _from(taught), newest, last, trend, fault, labels)
     if newest is not None and fault is not None and is_fault(newest):
         reason = Reason.NAMED if newest.review == OPEN else Reason.FOUND
-        return Standing(State.FAULT_LIKELY, reason, fault.named[0].at, newest, last, trend, fault)
+        return Standing(State.FAULT_LIKELY, reason, _from(fault.named), newest, last, trend, fault)
     if fault is not None and fault.stands:
         state, shows = State.FAULT_LIKELY if changed else State.WATCH, fault.named[-1]
-        return Standing(state, Reason.NAMED_BEFORE, fault.named[0].at, shows, last, trend, fault)
+        return Standing(state, Reason.NAMED_BEFORE, _from(fault.named), shows, last, trend, fault)
     if at_once is not None:
         return Standing(State.WATCH, Reason.AT_ONCE, at_once.at, newest, last, trend, fault)
     if trend is not None and changed:
@@ -167,6 +181,17 @@ def standing(history: History, trend: Trend | None, now: datetime, silent_after:
     if newest is None or not is_good(newest):
         return _undecided(newest, usable, heard, last, trend)
     return Standing(State.GOOD, Reason.SOUNDS_GOOD, _since(usable, is_good).at, newest, last, trend, fault)
+
+
+def _taught_at_the_end(usable: Sequence[GearboxRecording]) -> list[GearboxRecording]:
+    """Return the newest labelled recordings that were never diagnosed, of one time; none where one was diagnosed."""
+    end = list(takewhile(lambda one: one.taught, reversed(usable)))
+    return [one for one in reversed(end) if not one.timed or end[0].at - one.at < AT_ONE_TIME]
+
+
+def _from(recordings: Sequence[GearboxRecording]) -> datetime | None:
+    """Return when the first of them was recorded of which that is known."""
+    return next((one.at for one in recordings if one.timed), None)
 
 
 def _undecided(

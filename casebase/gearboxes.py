@@ -14,7 +14,7 @@ from sqlalchemy import ColumnElement, Select, and_, case, exists, false, func, n
 from sqlalchemy.orm import Session, aliased
 
 from casebase.labels import BASELINES
-from casebase.origins import MEASURED, SIMULATED, demonstrations, is_measured
+from casebase.origins import MEASURED, SIMULATED, demonstrations, is_measured, is_retired
 from casebase.store.models import AxisRevision, Case, MaintenanceMark, StoredDiagnosis, StoredRecording
 
 NOTE, REPAIR, EXCHANGE, MICROPHONE = "note", "repair", "exchange", "microphone"
@@ -40,6 +40,9 @@ class GearboxRecording:
         review: what a person made of the diagnosis; `confirmed` where a person labelled the recording as a case.
         fault: whether an `ambiguous` diagnosis of a recording that is not poor says that there is a fault.
         left: the faults that it cannot exclude, where it says that there is one.
+        timed: whether it is known when it was recorded; what is diagnosed counts as recorded when it came.
+        by: who labelled or reviewed it.
+        judged_at: when.
     """
 
     recording_id: str
@@ -48,6 +51,7 @@ class GearboxRecording:
     usable: bool
     speed_rad_s: float | None
     payload_kg_m2: float | None
+    timed: bool = True
     verdict: str | None = None
     label: str | None = None
     probability: float | None = None
@@ -55,6 +59,13 @@ class GearboxRecording:
     diagnosis_id: str | None = None
     fault: bool | None = None
     left: tuple[str, ...] = ()
+    by: str = ""
+    judged_at: datetime | None = None
+
+    @property
+    def taught(self) -> bool:
+        """Whether it came as a case of the library, and was never diagnosed."""
+        return self.review != OPEN and self.diagnosis_id is None
 
 
 @dataclass(frozen=True)
@@ -164,7 +175,8 @@ def _heard(session: Session, places: Sequence[Place]) -> dict[Place, list[Gearbo
             StoredRecording.usable,
             StoredRecording.speed_rad_s,
             StoredRecording.payload_kg_m2,
-        ).where(of_places(places), *is_measured(session))
+            func.coalesce(StoredRecording.recorded_at <= StoredRecording.created_at, false()),
+        ).where(of_places(places), ~is_retired(), *is_measured(session))
     ).all()
     said = _said(session, places, {row[2]: GearboxRecording(*row[2:]) for row in recordings})
     found: dict[Place, list[GearboxRecording]] = {}
@@ -176,13 +188,15 @@ def _heard(session: Session, places: Sequence[Place]) -> dict[Place, list[Gearbo
 def _said(session: Session, places: Sequence[Place], heard: dict[str, GearboxRecording]) -> dict[str, GearboxRecording]:
     """Add to recordings, by id, what their diagnoses and their cases say."""
     cases = session.execute(
-        select(Case.recording_id, Case.label)
+        select(Case.recording_id, Case.label, Case.labelled_by, Case.created_at)
         .join(StoredRecording, StoredRecording.id == Case.recording_id)
         .where(of_places(places), Case.origin == MEASURED, Case.state == "confirmed", Case.diagnosis_id.is_(None))
     )
-    for recording_id, known in cases:
+    for recording_id, known, by, at in cases:
         if recording_id in heard:
-            heard[recording_id] = replace(heard[recording_id], verdict="diagnosed", label=known, review="confirmed")
+            heard[recording_id] = replace(
+                heard[recording_id], verdict="diagnosed", label=known, review="confirmed", by=by, judged_at=at
+            )
     undecided = (
         case((StoredDiagnosis.verdict == "ambiguous", StoredDiagnosis.document[name]), else_=null())  # it is long
         for name in ("fault", "labels", "quality")
@@ -196,13 +210,15 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, GearboxRec
             StoredDiagnosis.probability,
             StoredDiagnosis.state,
             StoredDiagnosis.revised_label,
+            StoredDiagnosis.revised_by,
+            StoredDiagnosis.revised_at,
             *undecided,
         )
         .join(StoredRecording, StoredRecording.id == StoredDiagnosis.recording_id)
         .where(of_places(places))
         .order_by(StoredDiagnosis.id)
     )
-    for recording_id, identity, verdict, label, probability, state, revised, fault, labels, quality in given:
+    for recording_id, identity, verdict, label, probability, state, revised, by, at, fault, labels, quality in given:
         if recording_id in heard and not (state == OPEN and heard[recording_id].review == "confirmed"):
             poor = any(flag["severity"] == "poor" for flag in quality or ())
             present = None if revised or poor or fault is None else fault["present"]
@@ -216,6 +232,9 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, GearboxRec
                 diagnosis_id=identity,
                 fault=present,
                 left=left if present else (),
+                timed=True,
+                by=by or "",
+                judged_at=at,
             )
     return heard
 

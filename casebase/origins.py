@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
-from sqlalchemy import ColumnElement, exists, select
+from sqlalchemy import ColumnElement, and_, exists, select
 from sqlalchemy.orm import Session, aliased
 
-from casebase.store.models import Artifact, Case, StoredRecording
+from casebase.store.models import Artifact, Case, StoredDiagnosis, StoredRecording
 
 MEASURED, SIMULATED = "measured", "simulated"
 DEMO = "demo"
@@ -39,6 +39,13 @@ def is_measured(session: Session) -> tuple[ColumnElement[bool], ...]:
         StoredRecording.id.not_in(shown),
         ~exists().where(*is_same, same.id.in_(shown)),
     )
+
+
+def is_retired() -> ColumnElement[bool]:
+    """Return the condition that a recording came as a case that counts no more, and was never diagnosed."""
+    here, diagnosed = Case.recording_id == StoredRecording.id, StoredDiagnosis.recording_id == StoredRecording.id
+    counts = exists().where(here, Case.state != "retired")
+    return and_(exists().where(here), ~counts, ~exists().where(diagnosed))
 
 
 def origin_of(session: Session, recording: StoredRecording) -> str:

@@ -3,6 +3,7 @@
 import base64
 import math
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,7 +25,7 @@ from app.report.recorded import (
     strongest_events,
     surveyed,
 )
-from app.report.standing_words import earlier_words
+from app.report.standing_words import earlier_words, steps_after
 from app.report.words import (
     certainty,
     fault_words,
@@ -40,7 +41,7 @@ from app.report.words import (
 )
 from app.service import Service
 from casebase.axes import find_axis
-from casebase.gearbox_state import fault_before
+from casebase.gearbox_state import NamedFault, fault_before
 from casebase.gearboxes import History
 from casebase.labels import BASELINES
 from casebase.reasoning.trend import Trend, trend_of
@@ -95,10 +96,14 @@ def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders:
     as_new = as_new_of_label(session, row.recording.axis, row.label, document["severity"])
     stored_rms = features_of(session, row.recording.id).get("rms") or 0.0
     shown = {name for name, chart in vars(drawn).items() if chart is not None}
+    fault, verdict = earlier_fault(row, history), judged(verdict_of(document), row)
+    if fault is not None and verdict.label in BASELINES:
+        headline = f"{verdict.headline} in this recording: it does not clear the gearbox"
+        verdict = replace(verdict, headline=headline, label=None, checks=steps_after(fault))
     return {
         "diagnosis": row,
         "recording": row.recording,
-        "verdict": judged(verdict_of(document), row),
+        "verdict": verdict,
         "facts": [*facts_of(document, as_new), *([analysed(found)] if found and usable else ())],
         "quality": [flag for flag in flags if not flag.only_left_out],
         "left_out": left_out_words(flags),
@@ -116,7 +121,7 @@ def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders:
         "polar": polar,
         "phase": phase_of(document),
         "trend": chart_of(trend, history, row.label, (at, "this recording")) if trend and history else None,
-        "earlier": earlier_fault(row, history, service.settings.time_zone),
+        "earlier": "" if fault is None else earlier_words(fault, service.settings.time_zone),
         "rms": stored_rms if sound is None else root_mean_square(sound.samples),
         "peaks": "[" + ",".join(f"{v:.4g}" for v in peaks) + "]",
         "outside": None if not_compared(document) else unlikeness(document) or None,
@@ -251,13 +256,11 @@ def history_of(session: Session, service: Service, recording: StoredRecording) -
     return history, known.trend if history is known.in_service else trend_of(session, history)
 
 
-def earlier_fault(row: StoredDiagnosis, history: History | None, zone: str) -> str:
-    """Say which fault was named of the gearbox before; empty where none stood, or this diagnosis names one itself."""
+def earlier_fault(row: StoredDiagnosis, history: History | None) -> NamedFault | None:
+    """Return the fault that was named of the gearbox before; None where none stood, or this diagnosis names one."""
     if history is None or (row.verdict == "diagnosed" and row.label not in BASELINES):
-        return ""
-    this = next(one for one in history.heard if one.recording_id == row.recording.id)
-    fault = fault_before(history, this)
-    return "" if fault is None else earlier_words(fault, zone)
+        return None
+    return fault_before(history, next(one for one in history.heard if one.recording_id == row.recording.id))
 
 
 def evidence_of(

@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from datetime import datetime
 from functools import lru_cache
 from importlib.metadata import version
@@ -68,6 +68,12 @@ def sentence(text: str) -> str:
     """
     text = LABEL.sub(lambda found: NAMES[found[0]], text)
     return f"{text[:1].upper()}{text[1:]}" if "\n" in text else f"{text[:1].upper()}{text[1:].removesuffix('.')}."
+
+
+def in_series(words: Iterable[str]) -> str:
+    """Write words as a series: "no fault, tooth damage and backlash"."""
+    *others, last = words
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 @lru_cache(maxsize=256)

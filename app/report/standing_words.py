@@ -1,15 +1,27 @@
 """The state of a gearbox in the words of whoever runs the shift."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
 from zoneinfo import ZoneInfo
 
 from markupsafe import Markup
 
-from app.report.formatting import NO_BREAK, name_of, shape, term
-from app.report.words import ALIKE, CHECKS, REPAIR, SOON, checks_of, in_short, is_compared, one_of, sure_of, verdict_of
+from app.report.formatting import NO_BREAK, in_series, name_of, person, shape, term
+from app.report.words import (
+    ALIKE,
+    CHECKS,
+    REPAIR,
+    SOON,
+    checks_of,
+    in_short,
+    is_compared,
+    one_of,
+    sure_words,
+    verdict_of,
+)
 from casebase.gearbox_state import NamedFault, Reason, Standing, State
+from casebase.gearboxes import GearboxRecording
 from casebase.reasoning.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
 
 SHAPES = {State.FAULT_LIKELY: "notch", State.WATCH: "play", State.GOOD: "normal"}
@@ -21,14 +33,22 @@ RISEN = {
     CREST_FACTOR: ("the crest factor below 200 Hz has", None),
 }
 """What is said to have grown, by the beginning of a feature's name, and the fault that it would be a sign of."""
-NOT_NAMED = {
+RECORD = "Record it, in its usual motion and with its usual payload, and diagnose the recording."
+REJECT = "Reject that diagnosis if nothing is found, or note the repair or the exchange."
+NEITHER = "If it was neither, record it again soon, and have it inspected if it sounds the same."
+ONE_STEP = {
+    Reason.NOT_DIAGNOSED: "Diagnose its newest recording.",
+    Reason.LABELLED: RECORD,
+    Reason.SILENT: f"Record it today, {ALIKE}.",
+}
+SAME_WORDS = {
     Reason.UNDECIDED: "The newest recording fits more than one kind, so nothing is sure enough.",
     Reason.UNLIKE: "The newest recording sounds like no known case, good or faulty: a fault that the library does not "
     "know, or a disturbance.",
+    Reason.UNUSABLE: "Its recordings are too poor to be compared.",
+    Reason.NOT_DIAGNOSED: "It was recorded, and no recording was diagnosed yet.",
 }
-RECORD = "Record it, in its usual motion and with its usual payload, and diagnose the recording."
-NEITHER = "If it was neither, record it again soon, and have it inspected if it sounds the same."
-ONE_STEP = {Reason.NOT_DIAGNOSED: "Diagnose its newest recording.", Reason.SILENT: f"Record it today, {ALIKE}."}
+"""Why a gearbox is in its state, where that needs no more than its reason."""
 Document = Mapping[str, Any]
 
 
@@ -63,15 +83,19 @@ def why(standing: Standing | None, zone: str, document: Document | None = None) 
         put_in = None if standing is None else standing.since
         return f"New since {day(put_in, zone)}, and not recorded yet." if put_in else "Nothing was recorded yet."
     name = name_of(standing.recording.label if standing.recording else None)
-    on = day(standing.since, zone)
+    on, others = day(standing.since, zone), _others(standing, zone)
     match standing.reason:
         case Reason.NAMED | Reason.UNDECIDED | Reason.UNLIKE if document and _is_open(document):
-            return in_short(document)
+            return f"{in_short(document)} {others}".strip()
         case Reason.NAMED:
-            sure = sure_of(document) if document else ""
-            return f"The newest recording sounds like {name}.{f' How sure: {sure}.' if sure else ''}"
-        case Reason.FOUND:
-            return f"A person says that it has {name}."
+            return f"The newest recording sounds like {name}. {sure_words(document)}{others}".strip()
+        case Reason.FOUND if standing.recording is not None:
+            one = standing.recording
+            return f"{person(one.by)} says ({day(one.judged_at, zone)}) that it has {name}. {others}".strip()
+        case Reason.LABELLED:
+            unknown = "" if standing.since else ", and it is not known when they were made"
+            said = f"Its recordings are labelled {in_series(map(name_of, standing.labels))}{unknown}"
+            return f"{said}: they do not tell its state of today."
         case Reason.CHANGED if standing.trend is not None:
             grown, fault = risen(standing.trend)
             sign = f", as with {name_of(fault)}" if fault else ""
@@ -83,15 +107,20 @@ def why(standing: Standing | None, zone: str, document: Document | None = None) 
             return f"{named_words(standing.fault, zone)} A worn gear does not heal.{also}" if standing.fault else ""
         case Reason.SILENT:
             return f"Its last recording is of {on}: nothing is known of it since."
-        case Reason.UNDECIDED | Reason.UNLIKE:
-            return NOT_NAMED[standing.reason]
-        case Reason.UNUSABLE:
-            return "Its recordings are too poor to be compared."
-        case Reason.NOT_DIAGNOSED:
-            return "It was recorded, and no recording was diagnosed yet."
+        case reason if reason in SAME_WORDS:
+            return SAME_WORDS[reason]
         case _:
-            outweighed = f" {named_words(standing.fault, zone)}" if standing.fault else ""
-            return f"The newest recording sounds like a good gearbox, and its trend shows no change.{outweighed}"
+            outweighed = named_words(standing.fault, zone) if standing.fault else ""
+            trend = ", and its trend shows no change" if standing.trend else ""
+            good = f"The newest recording sounds like a good gearbox{trend}."
+            return f"{good} {sure_words(document)}{outweighed}".strip()
+
+
+def _others(standing: Standing, zone: str) -> str:
+    """Say which other faults were named before the one that the newest recording shows."""
+    fault, newest = standing.fault, standing.recording
+    others = [one for one in fault.named if newest and one.label != newest.label] if fault else []
+    return f"{_named(others, zone)}, too." if others else ""
 
 
 def _is_open(document: Document) -> bool:
@@ -101,20 +130,38 @@ def _is_open(document: Document) -> bool:
 
 def named_words(fault: NamedFault, zone: str) -> str:
     """Say which fault was named when, and how many recordings have sounded good since."""
-    newest, on = fault.named[-1], day(fault.named[0].at, zone)
-    name = one_of(newest.left) if newest.left else name_of(newest.label)
-    times = f"in {len(fault.named)} recordings since {on}" if len(fault.named) > 1 else f"on {on}"
     good = f"{fault.good or 'no'} recording{'s' if fault.good > 1 else ''}"
     have = "have" if fault.good > 1 else "has"
-    return f"{name[:1].upper()}{name[1:]} was named {times}; {good} since then {have} sounded good."
+    return f"{_named(fault.named, zone)}; {good} since then {have} sounded good."
+
+
+def _named(recordings: Sequence[GearboxRecording], zone: str) -> str:
+    """Say when each fault was named, and by how many recordings."""
+    by_name: dict[str, list[GearboxRecording]] = {}
+    for one in recordings:
+        by_name.setdefault(one_of(one.left) if one.left else name_of(one.label), []).append(one)
+    told = []
+    for name, those in by_name.items():
+        on = day(those[0].at if those[0].timed else None, zone)
+        told.append(f"{name} was named {f'in {len(those)} recordings since' if len(those) > 1 else 'on'} {on}")
+    words = in_series(told)
+    return f"{words[:1].upper()}{words[1:]}"
 
 
 def earlier_words(fault: NamedFault, zone: str) -> str:
     """Say beside an answer that names no fault that one was named of this gearbox before."""
     return (
-        f"Before this recording: {named_words(fault, zone)} A worn gear does not heal, and no repair was noted: this "
-        "answer alone does not clear the gearbox."
+        f"Before this recording: {named_words(fault, zone)} A worn gear does not heal, and no repair was noted: one "
+        "recording does not clear the gearbox."
     )
+
+
+def steps_after(fault: NamedFault) -> tuple[str, ...]:
+    """Say what to do where a fault was named before, and the newest recording names none."""
+    wanted = 0 if fault.found else max(fault.still_asked_for, 0)
+    good = f"Record it again: after {wanted} more that sound{'s' if wanted == 1 else ''} good it counts as good."
+    faults = dict.fromkeys(checks_of(None, one.label or "")[0] for one in reversed(fault.named))
+    return (*faults, *((good,) if wanted else ()), REJECT)
 
 
 def next_steps(standing: Standing | None, document: Document | None = None) -> tuple[str, ...]:
@@ -136,16 +183,8 @@ def next_steps(standing: Standing | None, document: Document | None = None) -> t
             return (SOON, checks_of(document, sign)[0] if sign else "Have it inspected if it keeps on rising.")
         case Reason.AT_ONCE:
             return ("Say on its page what happened: an exchange, or a moved microphone.", NEITHER)
-        case Reason.NAMED_BEFORE:
-            wanted = standing.fault.still_asked_for if standing.fault and not standing.fault.found else 0
-            good = (
-                f"Record it again: after {wanted} more that sound{'s' if wanted == 1 else ''} good it counts as good."
-            )
-            return (
-                *checks_of(document, label)[:1],
-                *((good,) if wanted else ()),
-                "Reject that diagnosis if nothing is found, or note the repair or the exchange.",
-            )
+        case Reason.NAMED_BEFORE if standing.fault is not None:
+            return (*checks_of(document, label)[:1], *steps_after(standing.fault)[1:])
         case Reason.SOUNDS_GOOD:
             return CHECKS["normal"]
         case reason:
@@ -155,7 +194,7 @@ def next_steps(standing: Standing | None, document: Document | None = None) -> t
 def trend_words(trend: Trend | None, zone: str) -> str:
     """Say whether its sound has changed, and since when."""
     if trend is None:
-        return "A trend needs two recordings that name the gearbox and can be compared."
+        return "A trend needs two recordings of known time that name the gearbox and can be compared."
     if trend.at_once is not None:
         return (
             f"Its sound changed at once about {day(trend.at_once.at, zone)}: part grew louder, part quieter, as "

@@ -20,7 +20,8 @@ PLACE = "when the impact comes"
 CHECKS = {
     "normal": ("Nothing to do. Record again at the next inspection, in the same motion and with the same payload.",),
     "notch": (
-        f"Move the axis to where it is {PLACE}. {SECURED} look at the teeth of the output gear that mesh there.",
+        f"Move the axis, with nobody near it, to where it is {PLACE}, and stop it there. {SECURED} look at the teeth "
+        "of the output gear that mesh there.",
         "Take a grease sample and look for steel particles.",
         "Record again with the axis moving through another range: a damaged tooth stays where it is, so its time in "
         "the cycle changes.",
@@ -70,10 +71,12 @@ class Verdict:
     label: str | None
     checks: tuple[str, ...]
     told: tuple[str, ...] = ()
-    """Remarks of the document that this says."""
+    """Remarks of the document, and reasons of its quality flags, that this says."""
     why: str = ""
     rest: str = ""
     """What cannot be excluded, and how many cases support it."""
+    again: bool = False
+    """Whether the recording does not allow an answer, so that another one is needed first."""
 
     @property
     def summary(self) -> str:
@@ -136,8 +139,9 @@ def verdict_word(document: Mapping[str, Any]) -> str:
 
 def in_short(document: Mapping[str, Any]) -> str:
     """Say in a row of a table what a diagnosis is and how sure."""
-    more = _border(document)[0] if document["verdict"] == "ambiguous" else _sure(document)
-    return f"{verdict_of(document).headline}. {more}".strip()
+    verdict = verdict_of(document)
+    more = _border(document)[0] if document["verdict"] == "ambiguous" else sure_words(document)
+    return f"{verdict.headline}. {verdict.sure if verdict.again else more}".strip()
 
 
 def how_sure(document: Mapping[str, Any]) -> str:
@@ -147,7 +151,7 @@ def how_sure(document: Mapping[str, Any]) -> str:
     '94\\xa0%, not calibrated'
     """
     sure = certainty(document)
-    if sure is None:
+    if sure is None or (document["verdict"] != "diagnosed" and _limit(document)[0]):
         return "–"
     if document["verdict"] == "diagnosed":
         return f"{sure[0]}{_doubt(document)}"
@@ -279,9 +283,11 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
     label, good = document["label"], document["label"] == "normal"
     present = " and ".join(name_of(fault["label"]) for fault in document["faults"]) or name_of(label)
     headline = "No fault indicated" if good else f"Fault likely: {present}"
-    sure = f"{_sure(document)}{limits_of(document) if good else _size(document)}".strip()
+    short = tuple(flag["reason"] for flag in document["quality"] if flag["name"].startswith(TOO_SHORT))
+    noted = "".join(f" {sentence(reason)}" for reason in short)
+    sure = f"{sure_words(document)}{limits_of(document) if good else _size(document)}".strip() + noted
     rest = f"{_left(document)}{_support(document)}"
-    return Verdict(headline, sure, label, checks_of(document, label), why=why(document, [label]), rest=rest)
+    return Verdict(headline, sure, label, checks_of(document, label), short, why(document, [label]), rest)
 
 
 def judged(verdict: Verdict, row: StoredDiagnosis) -> Verdict:
@@ -329,7 +335,8 @@ def time_in_cycle(document: Mapping[str, Any], label: str | None) -> str:
     if phase_deg is None or period_s is None:
         return ""
     at_s = phase_deg / 360.0 * period_s
-    return f"{quantity(at_s, 's')} after the first reversal (one cycle is {quantity(period_s, 's')})"
+    line = "the first dashed line of the recording's player"
+    return f"{quantity(at_s, 's')} after the first reversal ({line}; one cycle is {quantity(period_s, 's')})"
 
 
 def checks_of(document: Mapping[str, Any] | None, label: str) -> tuple[str, ...]:
@@ -348,7 +355,7 @@ def _unusable(document: Mapping[str, Any]) -> Verdict:
     reason = "; ".join(remarks or ["no reason was given"])
     headline = "Unusable: too short" if too_short(document) else "Unusable: the recording cannot be compared"
     checks = _again(document) if is_poor(document) or too_short(document) else (f"Record it again, {ALIKE}.",)
-    return Verdict(headline, sentence(reason), None, checks, remarks)
+    return Verdict(headline, sentence(reason), None, checks, remarks, again=True)
 
 
 def _not_in_library(document: Mapping[str, Any]) -> Verdict:
@@ -358,8 +365,7 @@ def _not_in_library(document: Mapping[str, Any]) -> Verdict:
         summary = " ".join(map(sentence, (*too_short(document), *remarks)))
         return Verdict(f"No answer: {EMPTY}", summary, None, EMPTY_CHECKS, remarks)
     told = (*reasons, *(why or _remarks(document, UNLIKE)))
-    far = "" if why else unlikeness(document)
-    summary = " ".join(filter(None, (*map(sentence, told), far, "So it gets none of the known labels.")))
+    summary = " ".join(map(sentence, reasons if limit else told))
     kinds = (
         f"the one kind it knows, {name_of(document['hypotheses'][0]['label'])}" if _knows_one_label(document) else ""
     )
@@ -368,7 +374,8 @@ def _not_in_library(document: Mapping[str, Any]) -> Verdict:
         headline = f"Not in the library, but the recording is {limit}"
     elif why:
         headline = f"Not in the library: {why[0].partition(',')[0]}"
-    return Verdict(headline, summary, None, _again(document) if limit or why else UNKNOWN_CHECKS, told)
+    checks = _again(document) if limit or why else UNKNOWN_CHECKS
+    return Verdict(headline, summary, None, checks, told, again=bool(limit))
 
 
 def _undecided(document: Mapping[str, Any]) -> Verdict:
@@ -378,20 +385,21 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
     likely = [label for label in labels if not (found and label in BASELINES)][:2]
     names = " or ".join(map(name_of, likely))
     left = "" if _knows_one_label(document) else _left(document)
-    sure = f"{''.join(f'{sentence(one)} ' for one in reasons)}{border}".strip()
+    sure = " ".join(map(sentence, reasons)) if limit else border.strip()
     # what tells two faults apart is what each asks for first; that nothing is to be done cannot be said yet
     faults = [checks_of(document, label) for label in likely if label != "normal"]
     asked = [check for checks in faults for check in (checks if len(faults) == 1 else checks[:1])]
     headline = f"Undecided: {names}"
     if limit:
-        headline = f"Undecided, for the recording is {limit}: {'a fault, ' if found else ''}{names}"
+        headline = f"Undecided: the recording is {limit}{f' to say which fault, {names}' if found else ''}"
     elif found:
         headline = f"Fault likely, undecided which: {names}"
     elif _knows_one_label(document):
         headline = f"Undecided: the library knows one label alone, {names}"
     checks = _again(document) if limit else tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *asked)))
-    label, rest = likely[0] if found and not limit else None, f"{left}{_support(document)}"
-    return Verdict(headline, sure, label, checks, (*reasons, *told), why(document, likely), rest)
+    label, rest = likely[0] if found and not limit else None, f"{border if limit else ''}{left}{_support(document)}"
+    sounds = "" if limit else why(document, likely)
+    return Verdict(headline, sure, label, checks, (*reasons, *told), sounds, rest, again=bool(limit))
 
 
 def is_compared(document: Mapping[str, Any]) -> bool:
@@ -402,7 +410,7 @@ def is_compared(document: Mapping[str, Any]) -> bool:
 def _limit(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
     """Return in two words why no answer to a recording can be relied on, and the reasons; empty where it can."""
     short, poor = too_short(document), _remarks(document, TOO_POOR)
-    return "too short" if short else "too poor" if poor or is_poor(document) else "", (*short, *poor)
+    return "too short" if short else "too poor" if poor or is_poor(document) else "", short or poor
 
 
 def _border(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
@@ -412,11 +420,12 @@ def _border(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
     sure = sure_of(document)
     if sure and document["probability"] < DIAGNOSED_FROM:
         return f"How sure: {sure}; {_written(DIAGNOSED_FROM)} is asked for. {why}", told
-    return f"{_sure(document)}{why}", told
+    return f"{sure_words(document)}{why}", told
 
 
-def _sure(document: Mapping[str, Any]) -> str:
-    sure = sure_of(document)
+def sure_words(document: Mapping[str, Any] | None) -> str:
+    """Say how sure a diagnosis is, as a sentence with a space behind it; empty where it says nothing."""
+    sure = sure_of(document) if document else ""
     return f"How sure: {sure}. " if sure else ""
 
 

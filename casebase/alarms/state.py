@@ -4,13 +4,13 @@ Whether a fault stands is asked of `casebase.gearbox_state`, as the page of the 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from casebase.gearbox_state import NamedFault, standing_fault
-from casebase.gearboxes import REJECTED, GearboxRecording, History, histories
+from casebase.gearboxes import OPEN, REJECTED, GearboxRecording, History, histories
 from casebase.store.models import StoredDiagnosis
 
 
@@ -20,7 +20,7 @@ class Reported:
 
     Args:
         faults: labels of the faults that it names, each with its probability; where only the name is open, None with
-            the probability of any, then those that are left.
+            the probability of any, then those that are left. At the end those that were named before it, too.
         size_rad: of the first, at the driven gear [rad]; None where it cannot be said.
         calibrated: whether the probabilities were calibrated on gearboxes.
     """
@@ -67,6 +67,14 @@ def states_of(session: Session, several: Sequence[History]) -> list[State]:
         renewed = history.renewed
         verdict = newest.verdict if renewed is None or newest.at >= renewed else None
         told = None if fault is None else _told(fault.named[-1], documents.get(fault.named[-1].diagnosis_id or ""))
+        if told is not None and fault is not None:
+            known = {label for label, _ in told.faults}
+            before = {
+                str(one.label): one.probability if one.review == OPEN else 1.0
+                for one in fault.named
+                if not one.left and one.label not in known
+            }
+            told = replace(told, faults=(*told.faults, *before.items()))
         states.append(State(history.axis, history.gearbox, newest, verdict, told))
     return states
 

@@ -294,7 +294,7 @@ def trends_of(session: Session, several: Sequence[History]) -> list[Trend | None
 
 
 def _trend(history: History, vectors: Mapping[str, Floats]) -> Trend | None:
-    recordings = tuple(one for one in history.comparable if one.usable and one.recording_id in vectors)
+    recordings = tuple(one for one in history.comparable if one.usable and one.timed and one.recording_id in vectors)
     if len(recordings) < FEWEST or history.gearbox is None:
         return None
     return Trend.of(recordings, np.array([vectors[one.recording_id] for one in recordings]))

@@ -187,3 +187,15 @@ def test_a_large_fleet_is_read_page_by_page_and_state_by_state(service: Inside) 
     assert rows(service.browse("GET", "/fleet?state=good").text) == good
     assert f'<a href="?state=good">Good: {len(good)}</a>' in first
     assert service.browse("GET", "/fleet?state=unheard").status_code == 422
+
+
+def test_no_fault_after_a_fault_is_not_all_clear(service: Inside) -> None:
+    with service.service.library.transaction("test") as session:
+        keep(session, "arm", "healed", now() - timedelta(days=2), {}, "notch")
+        newest = keep(session, "arm", "healed", now(), {}, "normal")
+        newest.erased_at, identity = now(), newest.id
+    page = service.browse("GET", f"/diagnoses/{identity}").text
+    first = page.partition('class="glance"')[2].partition('id="revise"')[0]
+    assert "Tooth damage was named" in first
+    assert "Nothing to do" not in first
+    assert "verdict normal" not in first

@@ -8,6 +8,9 @@ import pytest
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from app.report.standing_words import named_words, why
+from casebase.alarms.state import state_of
+from casebase.axes import axis_names
 from casebase.diagnoses import revise_diagnosis
 from casebase.gearbox_state import Reason, Standing, State, fault_before, standing
 from casebase.gearboxes import histories, signatures
@@ -83,6 +86,51 @@ def test_the_state_and_since_when(
     heard(session, axis, *labels)
     found = state(session, axis)
     assert (found.state, found.reason, found.since) == (wanted, reason, day(since))
+
+
+def taught(session: Session, axis: str, **times: datetime | None) -> None:
+    """Labelled recordings that were never diagnosed, with when they were recorded."""
+    for label, at in times.items():
+        row = keep(session, axis, "g", at, {})
+        told = {"label": label, "origin": "measured", "state": "confirmed", "labelled_by": "ann", "library_version": 1}
+        session.add(Case(recording_id=row.id, **told))
+    session.flush()
+
+
+def test_labels_of_unknown_time_or_of_one_day_are_no_state_of_today(session: Session) -> None:
+    taught(session, "untimed", normal=None, notch=None, play=None)
+    taught(session, "one day", notch=day(1), normal=day(1.1))
+    taught(session, "days", notch=day(1), normal=day(3), play=day(5))
+    found = [state(session, axis, now=9) for axis in ("untimed", "one day", "days")]
+    assert [(each.state, each.since) for each in found] == [
+        (State.CANNOT_SAY, None),
+        (State.WATCH, day(1)),
+        (State.FAULT_LIKELY, day(1)),
+    ]
+    assert [set(each.labels) for each in found] == [{"normal", "notch", "play"}, {"notch", "normal"}, set()]
+    assert "ann" in why(found[2], "UTC")
+    trends = [trend_of(session, histories(session, axis, "g")[-1]) for axis in ("untimed", "days")]
+    assert [each is not None for each in trends] == [False, True]
+
+
+def test_cases_taken_back_leave_no_gearbox_and_no_axis(session: Session) -> None:
+    taught(session, "ghost", notch=None)
+    session.scalars(select(Case).join(Case.recording).where(StoredRecording.axis == "ghost")).one().state = "retired"
+    session.flush()
+    assert histories(session, "ghost", "g") == []
+    assert "ghost" not in axis_names(session)
+
+
+def test_every_fault_that_was_named_is_said(session: Session) -> None:
+    """By the page of the gearbox, the queue and the alarms."""
+    heard(session, "both named", "notch", "normal", "play")
+    words = why(state(session, "both named"), "UTC")
+    assert "backlash" in words
+    assert "tooth damage" in words.lower()
+    told, fault = state_of(session, "both named", "g"), state(session, "both named").fault
+    assert told and told.fault and fault  # noqa: PT018
+    assert [label for label, _ in told.fault.faults] == ["play", "notch"]
+    assert "2 recordings" not in named_words(fault, "UTC")
 
 
 def test_silence_is_told_unless_there_is_worse(session: Session) -> None:

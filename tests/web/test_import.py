@@ -62,10 +62,15 @@ def test_a_folder_becomes_cases_and_one_undo_takes_all_back(opened: Opened, site
         row.get_by_label("Label of").select_option("+")
         expect(row.get_by_label("Label of")).to_have_value("scored_face")
         page.get_by_label("Verified, the same for all").select_option("opened")
+        expect(page.locator("input[name=recorded_at][value='']")).to_have_count(0)
+        page.get_by_label("Recorded, the same for all").fill("2026-01-02T03:04")
         for attempt in range(2):
             page.get_by_role("button", name="Keep all as cases").click()
             expect(status).to_contain_text("24 of 24 recordings done; gearboxes with cases: 3", timeout=120_000)
             assert cases(site.server) == corrected, attempt
+            with site.server.client() as client:
+                known = client.get("/api/v1/cases?axis=axis%209").json()["items"]
+            assert all(each["recording"]["recorded_at"] == "2026-01-02T03:04:00Z" for each in known)
             page.get_by_role("button", name="Undo").click()
             expect(status).to_contain_text("24 recordings.")
             assert cases(site.server) == Counter()

@@ -100,6 +100,14 @@ def test_of_a_recording_that_is_too_short_that_is_said_and_not_to_inspect_the_ge
     assert "too short" in told.headline
     assert "unlike every known kind" not in told.headline
     assert not any("inspected" in check for check in told.checks)
+    assert told.sure.count("cycles") <= 1
+    assert told.again
+    assert percent(0.897) not in told.sure
+
+
+def test_a_diagnosis_of_a_short_recording_says_so_first() -> None:
+    noted = {**SHORT, "severity": "note"}
+    assert noted["reason"] in verdict_of(document(quality=[noted])).sure.lower()
 
 
 def test_a_step_by_hand_begins_with_securing() -> None:

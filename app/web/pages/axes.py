@@ -399,11 +399,8 @@ def question_of(history: History, trend: Trend | None, zone: str) -> tuple[str, 
 
 
 def diagnoses_of(session: Session, standings: Sequence[Standing | None]) -> list[dict[str, Any] | None]:
-    """Return for each gearbox that is not good the parts of the diagnosis that shows it."""
-    shown = [
-        one.recording.diagnosis_id if one and one.state is not State.GOOD and one.recording else None
-        for one in standings
-    ]
+    """Return for each gearbox the parts of the diagnosis that shows its state."""
+    shown = [one.recording.diagnosis_id if one and one.recording else None for one in standings]
     ids = [each for each in shown if each]
     columns = (StoredDiagnosis.id, StoredDiagnosis.verdict, StoredDiagnosis.label, StoredDiagnosis.probability)
     parts = [StoredDiagnosis.document[name] for name in SAID_BY]  # a document is long

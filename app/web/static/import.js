@@ -141,8 +141,9 @@ export function importer(root) {
     status();
   }
   root.addEventListener("change", ({ target }) => {
-    if (target.files) add([...target.files].map((file) => [file.webkitRelativePath || file.name, file]));
-    else changed(target);
+    if (target.dataset.all === "recorded_at") left().forEach((row) => (field(row, "recorded_at").value = target.value));
+    else if (target.files) add([...target.files].map((file) => [file.webkitRelativePath || file.name, file]));
+    else if (target.options) changed(target);
   });
 
   async function recognise(row) {
@@ -169,9 +170,11 @@ export function importer(root) {
       body.append(template.cloneNode(true));
       const row = { file, path, element: body.lastElementChild };
       show(row, "name", path);
-      for (const select of all("select", row.element)) {
+      const saved = new Date(Math.floor(file.lastModified / 1000) * 1000);
+      field(row, "recorded_at").valueAsNumber = saved - 60_000 * saved.getTimezoneOffset(); // at this place
+      for (const select of all("select, input", row.element)) {
         select.setAttribute("aria-label", `${select.getAttribute("aria-label")} of ${path}`);
-        choose(select.name, meant(select.name, names[k][select.name] ?? ""), [select]);
+        if (select.options) choose(select.name, meant(select.name, names[k][select.name] ?? ""), [select]);
       }
       one("[data-remove]", row.element).addEventListener("click", () => {
         rows = rows.filter((other) => other !== row);
@@ -188,8 +191,9 @@ export function importer(root) {
   }
 
   async function store(row) {
-    const given = Object.fromEntries(all("select", row.element).map(({ name, value }) => [name, value]).filter(([, value]) => value));
+    const given = Object.fromEntries(all("select, input", row.element).map(({ name, value }) => [name, value]).filter(([, value]) => value));
     if (!given.label) delete given.verification;
+    if (given.recorded_at) given.recorded_at = new Date(given.recorded_at).toISOString();
     const asked = JSON.stringify(given);
     if (row.asked !== asked) Object.assign(row, { asked, key: random() }); // what is sent again is done once
     show(row, "state", "sending");
@@ -197,7 +201,7 @@ export function importer(root) {
       const made = await upload(row, given.label ? "/cases" : "/diagnoses", "metadata", given, { "Idempotency-Key": row.key, "X-Request-ID": step });
       Object.assign(row, { place: given.label ? "cases/" : "diagnoses/", added: given.label && made.isNew ? made.id : null });
       show(row, "state", link(`${pages}${row.place}${made.id}`, !given.label ? "diagnosed" : row.added ? "kept" : "there already"));
-      all("select, button", row.element).forEach((each) => (each.disabled = true));
+      all("select, input, button", row.element).forEach((each) => (each.disabled = true));
     } catch (error) {
       show(row, "state", error.message);
     }
@@ -224,7 +228,7 @@ export function importer(root) {
     for (const row of rows.filter((each) => each.added)) {
       Object.assign(row, { place: null, added: null, asked: null });
       show(row, "state", "taken back");
-      all("select, button", row.element).forEach((each) => (each.disabled = false));
+      all("select, input, button", row.element).forEach((each) => (each.disabled = false));
     }
     [step, undo.hidden, button.disabled] = [`step-${random()}`, true, false];
     button.focus();
