@@ -41,7 +41,7 @@ test: setup
 	$(MAKE) --no-print-directory --jobs 2 check suite
 
 suite: setup
-	$(BIN)/python -m pytest -n 3 --dist loadgroup --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 test-fast: setup
 	$(BIN)/python -m pytest -n 2 -m 'unit and not slow'

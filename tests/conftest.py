@@ -37,10 +37,9 @@ def _kind(item: pytest.Item) -> str:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark every test by its kind; take the files that take longest first, and all pages in one process."""
+    """Mark every test by its kind; take the files that take longest first."""
     for item in items:
         item.add_marker(_kind(item))
-        item.add_marker(pytest.mark.xdist_group("web" if "web" in item.path.parts else str(item.path)))
         if "benchmarks" in item.path.parts and set(CAMPAIGNS) & set(item.path.parts):
             item.add_marker("slow")
 

@@ -13,8 +13,9 @@ import math
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from itertools import islice
 from multiprocessing import get_context, parent_process
@@ -235,25 +236,33 @@ def generate(
     wanted = missing(library, planned)
     advance(len(planned) - len(wanted))
     size = max(1, round(SECONDS_PER_TASK / campaign.duration_s / 4))
-    generated = in_parallel(simulate_case, wanted, processes, size)
-    while group := list(islice(generated, size)):
-        retain(library, group, batch)
-        advance(len(group))
+    with closing(in_parallel(simulate_case, wanted, processes, size)) as generated:
+        while group := list(islice(generated, size)):
+            retain(library, group, batch)
+            advance(len(group))
     quarantine_far(library, ACTOR)
     return Outcome(len(wanted), len(planned) - len(wanted))
 
 
-def in_parallel(work: Callable[[Task], Done], tasks: Sequence[Task], processes: int, together: int) -> Iterator[Done]:
-    """Results in the order of the tasks, from so many processes; one is this process itself."""
+def in_parallel(
+    work: Callable[[Task], Done], tasks: Sequence[Task], processes: int, together: int
+) -> Generator[Done, None, None]:
+    """Results in the order of the tasks, from so many processes; one is this process itself.
+
+    Who stops early waits for what is being worked on, not for all that is left.
+    """
     if processes == 1:
         yield from map(work, tasks)
         return
     with ProcessPoolExecutor(processes, get_context("spawn"), initializer=_end_with_parent) as pool:
         # its processes inherit this: Ctrl-C is for the one that started them, and each would print where it was
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        done = pool.map(work, tasks, chunksize=together)
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        yield from done
+        try:
+            done = pool.map(work, tasks, chunksize=together)
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            yield from done
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def _end_with_parent() -> None:
