@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -113,6 +114,7 @@ def test_ctrl_c_leaves_one_sentence_of_what_is_kept(tmp_path: Path) -> None:
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
     )
     children = Path(f"/proc/{running.pid}/task/{running.pid}/children")
     wait_for(lambda: len(children.read_text().split()) > 2, "its processes")
