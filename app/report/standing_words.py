@@ -57,7 +57,9 @@ def state_words(standing: Standing | None, now: datetime) -> str:
     if standing is None:
         return term(State.CANNOT_SAY, "gearboxes")
     if standing.state is State.NOT_HEARD and standing.since is not None:
-        return f"Not heard for {(now - standing.since).days} days"
+        return f"Not recorded for {(now - standing.since).days} days"
+    if standing.state is State.FAULT_LIKELY and standing.reason is Reason.FOUND:
+        return "Fault confirmed"
     return term(standing.state, "gearboxes")
 
 
@@ -91,7 +93,8 @@ def why(standing: Standing | None, zone: str, document: Document | None = None) 
             return f"The newest recording sounds like {name}. {sure_words(document)}{others}".strip()
         case Reason.FOUND if standing.recording is not None:
             one = standing.recording
-            return f"{person(one.by)} says ({day(one.judged_at, zone)}) that it has {name}. {others}".strip()
+            known = f"{name[:1].upper()}{name[1:]}"
+            return f"{known}: confirmed by {person(one.by)} on {day(one.judged_at, zone)}. {others}".strip()
         case Reason.LABELLED:
             unknown = "" if standing.since else ", and it is not known when they were made"
             said = f"Its recordings are labelled {in_series(map(name_of, standing.labels))}{unknown}"

@@ -20,7 +20,7 @@ PLACE = "when the impact comes"
 CHECKS = {
     "normal": ("Nothing to do. Record again at the next inspection, in the same motion and with the same payload.",),
     "notch": (
-        f"Move the axis, with nobody near it, to where it is {PLACE}, and stop it there. {SECURED} look at the teeth "
+        f"Run the recorded motion with nobody near it, and stop it {PLACE}. {SECURED} look at the teeth "
         "of the output gear that mesh there.",
         "Take a grease sample and look for steel particles.",
         "Record again with the axis moving through another range: a damaged tooth stays where it is, so its time in "
@@ -335,8 +335,8 @@ def time_in_cycle(document: Mapping[str, Any], label: str | None) -> str:
     if phase_deg is None or period_s is None:
         return ""
     at_s = phase_deg / 360.0 * period_s
-    line = "the first dashed line of the recording's player"
-    return f"{quantity(at_s, 's')} after the first reversal ({line}; one cycle is {quantity(period_s, 's')})"
+    cycle = f"where it first turns round in the recording; one cycle is {quantity(period_s, 's')}"
+    return f"{quantity(at_s, 's')} after the first reversal ({cycle})"
 
 
 def checks_of(document: Mapping[str, Any] | None, label: str) -> tuple[str, ...]:
@@ -371,7 +371,7 @@ def _not_in_library(document: Mapping[str, Any]) -> Verdict:
     )
     headline = f"Not in the library: unlike {kinds or 'every known kind'}"
     if limit:
-        headline = f"Not in the library, but the recording is {limit}"
+        headline = f"Cannot say: the recording is {limit}"
     elif why:
         headline = f"Not in the library: {why[0].partition(',')[0]}"
     checks = _again(document) if limit or why else UNKNOWN_CHECKS

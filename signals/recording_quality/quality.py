@@ -216,7 +216,7 @@ def too_short_for_motion(analysis: Analysis) -> QualityFlag | None:
     return QualityFlag(
         name,
         FlagLevel.NOTE if motion.cycles >= 1.5 else FlagLevel.POOR,
-        f"the recording covers {cycles} of the motion; three or more are needed to tell what repeats",
+        f"the recording covers {cycles} of the motion; record three or more",
     )
 
 

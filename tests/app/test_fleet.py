@@ -54,7 +54,7 @@ def test_the_worst_stands_first(service: Inside) -> None:
     assert rows(page) == [
         ("Fault likely", "arm, worn"),
         ("Watch", "arm, rising"),
-        ("Not heard for 101 days", "arm, silent"),
+        ("Not recorded for 101 days", "arm, silent"),
         ("Cannot say", "arm, strange"),
         ("Cannot say", "never heard"),
         ("Good", "arm, good"),

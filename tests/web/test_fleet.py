@@ -22,8 +22,8 @@ def test_the_shift(opened: Opened, site: Site) -> None:
         client.patch(f"/api/v1/diagnoses/{made['id']}", json=verdict).raise_for_status()
     with opened("operator", "/fleet") as page:
         row = page.get_by_role("row", name="bench, shift")
-        expect(row).to_contain_text("Fault likely")
-        expect(row).to_contain_text("A person says that it has tooth damage.")
+        expect(row).to_contain_text("Fault confirmed")
+        expect(row).to_contain_text("Tooth damage: confirmed by ")
         row.get_by_role("link").click()
         page.wait_for_url("**/axes/bench/gearboxes/shift")
         page.get_by_role("link", name="The recording that shows it").click()
@@ -34,7 +34,7 @@ def test_the_shift(opened: Opened, site: Site) -> None:
         page.keyboard.press("z")
         expect(page.get_by_text("Marked corrected")).to_have_count(0)
         page.goto(f"{site.url}/fleet")
-        expect(page.get_by_role("row", name="bench, shift")).not_to_contain_text("A person says")
+        expect(page.get_by_role("row", name="bench, shift")).not_to_contain_text("confirmed by")
         page.get_by_role("link", name="bench, shift").click()
         page.get_by_label("Kind").select_option("exchange")
         page.get_by_label("What was done").fill("worn out")
@@ -48,7 +48,12 @@ def test_the_shift(opened: Opened, site: Site) -> None:
 
 
 def test_a_zoomed_trend_stands_in_the_address(opened: Opened, site: Site) -> None:
-    with opened("viewer", "/axes/bench/gearboxes/g1") as page:
+    with site.server.client() as client:
+        for day in range(1, 5):
+            about = {"axis": "bench", "gearbox": "zoomed", "recorded_at": f"2026-11-{day:02}T06:00:00Z"}
+            files = parts("zoomed.wav", sound(60 + day), json.dumps(about).encode())
+            client.post("/api/v1/diagnoses", files=files).raise_for_status()
+    with opened("viewer", "/axes/bench/gearboxes/zoomed") as page:
 
         def shown() -> int:
             plot.scroll_into_view_if_needed()

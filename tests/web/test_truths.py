@@ -107,7 +107,7 @@ def test_a_thing_has_one_colour_and_stroke_over_panels_page_and_report(
 
 def test_an_unknown_axis_is_said(opened: Opened, site: Site) -> None:
     with opened("admin", "/library?axis=nobody") as page:
-        expect(page.get_by_role("status")).to_contain_text("No axis is known as 'nobody'; described are")
+        expect(page.get_by_role("status")).to_contain_text("No axis is known as 'nobody'; ")
         for path in ("/axes/nobody", "/simulate?axis=nobody", "/library/simulate?axis=nobody"):
             answer = page.request.get(site.url + path, headers={"Accept": "text/html"})
             assert (answer.status, "nobody" in answer.text()) == (404, True), path

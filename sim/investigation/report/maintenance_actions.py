@@ -23,7 +23,8 @@ def of_the_measurement(mechanism: str) -> bool:
 def action(axis: Axis, mechanism: str, location: str | None, numbers: Mapping[str, float], probability: float) -> str:
     """What to do now; of a name that is not sure, to measure first."""
     text = _filled(kind_or_any(mechanism).action, axis, location, numbers)
-    return text if probability >= SURE else f"It is not sure yet: make the next measurement first. Then: {text}"
+    first = "" if probability >= SURE else measurement(axis, mechanism, location, numbers)
+    return f"It is not sure yet. Measure first: {first} Then: {text}" if first else text
 
 
 def measurement(axis: Axis, mechanism: str, location: str | None, numbers: Mapping[str, float]) -> str:
