@@ -158,8 +158,9 @@ def check_place(session: Session, fields: Mapping[str, object]) -> None:
     if axis and not fields.get("new_axis") and not is_axis(session, axis):
         words = unknown_axis(session, axis)
         raise InvalidRequestError(f"{words}. Choose one of the list, or tick that it is a new axis.")
-    others = near_names(gearbox, gearbox_names(session, axis, most=5000))
-    if others and not fields.get("new_gearbox") and not is_gearbox(session, axis, gearbox):
-        where = f" at axis {axis!r}" if axis else ""
-        words = f"No gearbox {gearbox!r} is known{where}; near it is {' or '.join(map(repr, others))}."
-        raise InvalidRequestError(f"{words} Choose one of the list, or tick that it is a new gearbox.")
+    if gearbox and not fields.get("new_gearbox") and not is_gearbox(session, axis, gearbox):
+        others = near_names(gearbox, gearbox_names(session, axis, most=5000))
+        if others:
+            where = f" at axis {axis!r}" if axis else ""
+            words = f"No gearbox {gearbox!r} is known{where}; near it is {' or '.join(map(repr, others))}."
+            raise InvalidRequestError(f"{words} Choose one of the list, or tick that it is a new gearbox.")
