@@ -155,7 +155,7 @@ export function investigation(form) {
   }
   function changed() {
     if (isNeeded) map.value = written();
-    problem.textContent = "";
+    if (problem.textContent !== lacking()?.[1]) problem.textContent = ""; // columns that were read meanwhile mend nothing
     outstanding();
     clearTimeout(waiting);
     if (rows.length && !missing() && joints.length < 2) waiting = setTimeout(readLog, SETTLED_MS);
