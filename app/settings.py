@@ -86,7 +86,7 @@ class Settings(BaseSettings):
         2 * (os.cpu_count() or 1), description="recordings and logs looked at at once; others wait"
     )
     longest_wait_s: PositiveFloat = Field(
-        2.0, description="of a request for others: until it may send, until it is looked at, until it may write"
+        1.2, description="of a request for others: until it may send, until it is looked at, until it may write"
     )
     page_items: PositiveInt = Field(200, description="items of a list's page, at most")
     failed_keys: str = Field("1000/minute", description="wrong keys from one address before 429")
