@@ -43,6 +43,7 @@ UNDECIDABLE_BODIES = {f"/api/v1/{noun}" for noun in UNDECIDABLE}
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
     server = started(tmp_path_factory.mktemp("schema") / "data")
+    server.until_ready()
     yield server
     server.stop()
 
