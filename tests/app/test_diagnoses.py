@@ -14,6 +14,7 @@ import httpx
 import numpy as np
 import pytest
 
+from app.http.security import COOKIE, csrf_token
 from benchmarks.harness.live import LiveServer, gearcase, started
 from benchmarks.harness.sounds import sound
 
@@ -163,9 +164,9 @@ def test_when_a_notch_comes_is_said_as_a_time_of_the_cycle_and_no_angle(
 SINE = {"kind": "sine", "stroke_rad": 3.0, "load_speed_rad_s": 1.5 * math.pi}
 
 
-def table(angle: str = "load_position_rad", factor: float = 1.0, seconds: float = 6.0) -> bytes:
+def table(angle: str = "load_position_rad", factor: float = 1.0, start: float = 0.0, end: float = 6.0) -> bytes:
     """Return telemetry of the motion of `sound`: a sine of 2 s, which begins at one end."""
-    time = np.arange(round(100 * seconds)) / 100
+    time = np.arange(round(100 * start), round(100 * end)) / 100
     way = factor * 1.5 * (1 - np.cos(np.pi * time))
     rows = "".join(f"{t:.2f},{x:.6f}\n" for t, x in zip(time, way, strict=True))
     return f"time_s,{angle}\n{rows}".encode()
@@ -217,6 +218,20 @@ def test_the_motion_of_telemetry_wins_over_a_typed_one(operator: httpx.Client) -
     assert remarks[0].startswith("speed_rad_s")
 
 
+def test_a_clock_that_begins_later_is_that_of_the_sound(operator: httpx.Client) -> None:
+    assert stored(operator, with_table(operator, table(start=2.0)))["reversal_times_s"] == pytest.approx(
+        [3, 4, 5], abs=0.02
+    )
+
+
+def test_the_page_takes_telemetry(server: LiveServer, operator: httpx.Client) -> None:
+    files, cookies = {"file": ("x.wav", sound(70)), "telemetry": ("log.csv", table())}, server.session("operator")
+    data = {"csrf": csrf_token(cookies[COOKIE])}
+    made = httpx.post(f"{server.url}/diagnoses/new", files=files, data=data, cookies=cookies)
+    shown = operator.get(f"/api/v1{made.headers['location']}").json()
+    assert shown["recording"]["speed_rad_s"] == pytest.approx(4.71, rel=0.01)
+
+
 def test_telemetry_may_be_of_the_motor_or_need_a_channel_map(operator: httpx.Client, server: LiveServer) -> None:
     axis = {"name": "geared", "motor": {"inertia_kg_m2": 0.001}, "load": {"inertia_kg_m2": 10.0}}
     stage = {"name": "output", "ratio": 50.0, "inertia_kg_m2": 0.1}
@@ -234,7 +249,7 @@ def test_telemetry_may_be_of_the_motor_or_need_a_channel_map(operator: httpx.Cli
 
 
 @pytest.mark.parametrize(
-    "content", [table("motor_position_rad"), table("speed"), b"no table", table(seconds=1.5)], ids=range(4)
+    "content", [table("motor_position_rad"), table("speed"), b"no table", table(end=1.5)], ids=range(4)
 )
 def test_bad_telemetry_is_refused_at_its_field(operator: httpx.Client, content: bytes) -> None:
     before = operator.get(DIAGNOSES).json()
