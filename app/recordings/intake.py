@@ -4,6 +4,7 @@ What is said of it is one strict document for HTTP, command line and bundles.
 """
 
 import math
+import tomllib
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields, replace
@@ -38,6 +39,7 @@ from casebase.reasoning.plausibility import Expected, Known, held_against
 from casebase.store.audio_store import Content
 from casebase.store.fields import AxisName, Label, Moment, Positive, Text, Verification, Verified, Word, is_ahead
 from casebase.store.models import StoredDiagnosis, StoredRecording
+from signals.columns.column_names import meaning_of
 from signals.condition import OperatingCondition
 from signals.errors import TelemetryError
 from signals.features import Extraction, extract
@@ -46,7 +48,7 @@ from signals.motion import CONTRADICTS
 from signals.motion_profile import MotionProfile
 from signals.reading.decode import LIMITS, read_recording
 from signals.recording import Recording
-from signals.telemetry import Telemetry, read_telemetry
+from signals.telemetry import CHANNELS, Telemetry, read_telemetry, recognise_columns
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 
@@ -195,6 +197,7 @@ def read_metadata(text: str, model: type[BaseModel], part: str = "metadata") -> 
         raise Unprocessable(f"{problem.detail}. Known: {known}.", **problem.extras) from None
 
 
+OUTPUT_ANGLES = ("load_position_rad", "motor_position_rad")
 CONTRADICTED = "contradicted"
 """Key of what was typed of a recording and is not used."""
 
@@ -220,11 +223,38 @@ class Log:
             TelemetryError: if it cannot be read, has no angle of the output, or no motion back and forth.
         """
         try:
-            log = read_telemetry(self.path, channels=self.channels)
+            log = read_telemetry(self.path, channels=self.channels or angles_recognised(self.path))
             motion = measured_motion(log.time_s, output_angle(log, axis))
         except TelemetryError as error:
             raise TelemetryError(f"telemetry: {error}") from None
         return motion.condition(log.first_s if -log.duration_s < log.first_s < duration_s else 0.0, duration_s)
+
+
+def angles_recognised(path: Path) -> str | None:
+    """Return the channel map of clock and angles, where these are recognised; what a current needs is not asked for.
+
+    None where the channels have their own names, or the table does not tell enough of an angle either.
+
+    Raises:
+        TelemetryError: if an angle may be of the motor or of the output.
+    """
+    clock, angles = [], {}
+    for line in recognise_columns(path).map.splitlines():
+        name = line.split(" ", 1)[0]
+        if name in OUTPUT_ANGLES and "..." not in line:
+            angles[name] = line
+        elif name not in CHANNELS:
+            clock.append(line)
+    if [*angles] == ["motor_position_rad"]:
+        column = tomllib.loads(angles["motor_position_rad"])["motor_position_rad"]["column"]
+        meaning = meaning_of(str(column))
+        if meaning is not None and not meaning.side:
+            raise TelemetryError(
+                f"the column {column!r} may be an angle of the motor or of the output: call it motor_position_rad or "
+                "load_position_rad, or send a channel map"
+            )
+    text = "\n".join([*clock, *angles.values()])
+    return text if angles and "..." not in text else None
 
 
 def output_angle(log: Telemetry, axis: Axis | None) -> NDArray[np.float64]:

@@ -17,10 +17,10 @@ NOT_COVERED = "no fault does not cover "
 
 
 def turn_shares(axis: Axis, stroke_rad: float) -> dict[str, float]:
-    """Return which share of their turn the gears on each shaft make, where it is less than all [1]."""
+    """Return which share of their turn the gears on each shaft make, where that is less than 99.5 % [1]."""
     shafts = axis.locations[:-1] if axis.stages else ()
     shares = {shaft: stroke_rad * axis.ratio_from(shaft) / math.tau for shaft in shafts}
-    return {shaft: share for shaft, share in shares.items() if share < 1}
+    return {shaft: share for shaft, share in shares.items() if share < 0.995}
 
 
 def braking_torques(load: Load, motion: MotionProfile) -> tuple[float, float]:

@@ -168,8 +168,8 @@ def table(angle: str = "load_position_rad", factor: float = 1.0, start: float = 
     """Return telemetry of the motion of `sound`: a sine of 2 s, which begins at one end."""
     time = np.arange(round(100 * start), round(100 * end)) / 100
     way = factor * 1.5 * (1 - np.cos(np.pi * time))
-    rows = "".join(f"{t:.2f},{x:.6f}\n" for t, x in zip(time, way, strict=True))
-    return f"time_s,{angle}\n{rows}".encode()
+    rows = "".join(f"{t:.2f},{x:.6f},0.5\n" for t, x in zip(time, way, strict=True))
+    return f"time_s,{angle},current [A]\n{rows}".encode()
 
 
 def with_table(client: httpx.Client, content: bytes, path: str = DIAGNOSES, **data: object) -> httpx.Response:
@@ -219,9 +219,9 @@ def test_the_motion_of_telemetry_wins_over_a_typed_one(operator: httpx.Client) -
 
 
 def test_a_clock_that_begins_later_is_that_of_the_sound(operator: httpx.Client) -> None:
-    assert stored(operator, with_table(operator, table(start=2.0)))["reversal_times_s"] == pytest.approx(
-        [3, 4, 5], abs=0.02
-    )
+    assert stored(operator, with_table(operator, table("load angle [rad]", start=2.0)))[
+        "reversal_times_s"
+    ] == pytest.approx([3, 4, 5], abs=0.02)
 
 
 def test_the_page_takes_telemetry(server: LiveServer, operator: httpx.Client) -> None:
@@ -249,7 +249,7 @@ def test_telemetry_may_be_of_the_motor_or_need_a_channel_map(operator: httpx.Cli
 
 
 @pytest.mark.parametrize(
-    "content", [table("motor_position_rad"), table("speed"), b"no table", table(end=1.5)], ids=range(4)
+    "content", [table("motor_position_rad"), table("angle [rad]"), b"no table", table(end=1.5)], ids=range(4)
 )
 def test_bad_telemetry_is_refused_at_its_field(operator: httpx.Client, content: bytes) -> None:
     before = operator.get(DIAGNOSES).json()
