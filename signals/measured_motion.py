@@ -11,14 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals.errors import TelemetryError
-from signals.motion import reversal_times_s
+from signals.motion import SEARCH, reversal_times_s
 from signals.motion_profile import Kind, MotionProfile
 
 Floats = NDArray[np.float64]
-GRID = 401
-"""Points of the half cycle on which a profile is fitted."""
-LARGEST_UNEVENNESS = 0.1
-"""Share of the stroke by which ways between the same two positions may differ."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +55,12 @@ def measured_motion(time_s: Floats, angle_rad: Floats) -> MeasuredMotion:
     ends = np.interp(times, time_s, angle_rad)
     strokes, half_s = np.abs(np.diff(ends)), float(np.median(np.diff(times)))
     stroke = float(np.median(strokes))
-    if np.ptp(strokes) > LARGEST_UNEVENNESS * stroke:
+    if np.ptp(strokes) > SEARCH.largest_scatter * stroke:
         raise TelemetryError(
             f"the angle does not go back and forth between the same two positions: ways of {strokes.min():.4g} to "
             f"{strokes.max():.4g} rad; send the part in which it does"
         )
-    grid = np.linspace(0, half_s, GRID)
+    grid = np.linspace(0, half_s, 401)
     pairs = zip(itertools.pairwise(times), itertools.pairwise(ends), strict=True)
     course = np.mean([_way(time_s, angle_rad, *each, grid) for each in pairs], axis=0)
     profile = _fitted(grid, stroke * np.gradient(course, grid), stroke)
@@ -74,9 +70,9 @@ def measured_motion(time_s: Floats, angle_rad: Floats) -> MeasuredMotion:
 def _way(time_s: Floats, angle: Floats, times: tuple[float, float], ends: tuple[float, float], grid: Floats) -> Floats:
     """Return the share of one way that is done, its middle in the middle of the grid, shape (n,) [1]."""
     within = slice(*np.searchsorted(time_s, times).tolist())
-    share: Floats = (angle - ends[0]) / (ends[1] - ends[0])
-    middle = np.interp(0.5, np.maximum.accumulate(share[within]), time_s[within])
-    way: Floats = np.interp(grid - grid[-1] / 2 + middle, time_s, share)
+    stroke = ends[1] - ends[0]
+    middle = np.interp(0.5, np.maximum.accumulate((angle[within] - ends[0]) / stroke), time_s[within])
+    way: Floats = (np.interp(grid - grid[-1] / 2 + middle, time_s, angle) - ends[0]) / stroke
     return way
 
 
@@ -85,7 +81,7 @@ def _fitted(grid: Floats, speed: Floats, stroke: float) -> MotionProfile:
     from scipy.optimize import least_squares  # slow to import
 
     half_s, top = float(grid[-1]), float(speed.max())
-    moving_s = float(np.clip(np.mean(speed > top / 20) * half_s, 1.01 * stroke / top, half_s))
+    moving_s = float(np.clip(np.mean(speed > top / 20) * half_s, max(1.01 * stroke / top, half_s / 19), half_s))
 
     def profile(kind: Kind, x: Floats) -> MotionProfile:
         moving_s, ramp = float(x[0]), None if kind == "sine" else float(x[0] * x[1])
@@ -95,7 +91,7 @@ def _fitted(grid: Floats, speed: Floats, stroke: float) -> MotionProfile:
     def error(kind: Kind, x: Floats) -> Floats:
         return profile(kind, x).speeds(grid - (half_s - x[0]) / 2) - speed
 
-    start = (moving_s, min(1 - stroke / top / moving_s, 0.49))
+    start = (moving_s, float(np.clip(1 - stroke / top / moving_s, 0.01, 0.49)))
     found = []
     for kind in get_args(Kind):
         fit = least_squares(partial(error, kind), start, bounds=((half_s / 20, 0.005), (half_s * (1 + 1e-6), 0.5)))

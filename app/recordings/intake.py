@@ -41,7 +41,7 @@ from casebase.store.fields import AxisName, Label, Moment, Positive, Text, Verif
 from casebase.store.models import StoredDiagnosis, StoredRecording
 from signals.columns.column_names import meaning_of
 from signals.condition import OperatingCondition
-from signals.errors import TelemetryError
+from signals.errors import ConditionError, TelemetryError
 from signals.features import Extraction, extract
 from signals.measured_motion import measured_motion
 from signals.motion import CONTRADICTS
@@ -225,7 +225,7 @@ class Log:
         try:
             log = read_telemetry(self.path, channels=self.channels or angles_recognised(self.path))
             motion = measured_motion(log.time_s, output_angle(log, axis))
-        except TelemetryError as error:
+        except (TelemetryError, ConditionError) as error:
             raise TelemetryError(f"telemetry: {error}") from None
         return motion.condition(log.first_s if -log.duration_s < log.first_s < duration_s else 0.0, duration_s)
 

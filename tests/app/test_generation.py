@@ -71,7 +71,7 @@ def test_keys_depend_on_everything_that_is_heard(tmp_path: Path) -> None:
     library.close()
 
 
-def test_cases_follow_the_described_motion_unless_any_is_asked_for() -> None:
+def test_cases_follow_the_described_motion_or_any() -> None:
     axes = [replace(PAPER_AXIS, motion=Motion(period)) for period in (4.0, 5.0, 6.0)]
     described, any_motion = (
         [{key_of(each.scenario) for each in Campaign(axis, COUNTS, motion=motion).planned()} for axis in axes]

@@ -19,7 +19,7 @@ AXIS = read_axis(
 SLOW, QUICK = (MotionProfile("trapezoid", 0.5, 1.0, time) for time in (0.4, 0.25))
 
 
-def test_gears_that_make_less_than_a_turn_are_named_by_their_share() -> None:
+def test_gears_of_less_than_a_turn_are_named_by_their_share() -> None:
     assert turn_shares(AXIS, 0.5) == pytest.approx({"first": 0.5 * 8 / math.tau, "output": 0.5 / math.tau})
     assert turn_shares(AXIS, 1.0) == pytest.approx({"output": 1 / math.tau})
     assert turn_shares(AXIS, 6.28) == {}
