@@ -23,7 +23,9 @@ from pydantic import (
     StrictBool,
     StrictInt,
     StringConstraints,
+    TypeAdapter,
     ValidationError,
+    WithJsonSchema,
     field_validator,
     model_validator,
 )
@@ -81,8 +83,8 @@ class RecordingMetadata(BaseModel):
     reversal_times_s: tuple[Annotated[FiniteFloat, Field(ge=-600, le=600)], ...] | None = Field(
         None, max_length=10_000, description="standstills from the recording's start, in any order [s]"
     )
-    motion: MotionProfile | None = Field(
-        None, description="the course of back and forth; a sine has no acceleration_time_s"
+    motion: Annotated[MotionProfile | None, WithJsonSchema(TypeAdapter(MotionProfile).json_schema())] = Field(
+        None, description="the course of back and forth: rad and s at the output; a sine has no acceleration_time_s"
     )
     steady: StrictBool | None = Field(None, description="true: constant speed; false: back and forth")
     temperature_degc: Annotated[FiniteFloat, Field(ge=-100, le=300)] | None = Field(
