@@ -18,7 +18,7 @@ from app.fleet import natural
 from app.http.errors import Forbidden, Unprocessable
 from app.http.security import Principal, Role
 from app.http.uploads import Upload
-from app.recordings.intake import Intake, Log, RecordingMetadata, read_metadata, take_in
+from app.recordings.intake import Intake, RecordingMetadata, read_metadata, take_in
 from app.report.formatting import NAMES, WORDS, name_of
 from app.service import Service, TheService
 from casebase.axes import axis_names
@@ -177,8 +177,7 @@ def taken_in(
         check_place(session, {**upload.fields, **fields})
     metadata: Known = read_metadata(json.dumps(fields), model)
     file = upload.file("file")
-    log = next((Log(one.path) for one in upload.all_of("telemetry") if one.size), None)
-    return take_in(service.library, file.path, file.name, file.media_type, metadata, log=log), metadata
+    return take_in(service.library, file.path, file.name, file.media_type, metadata), metadata
 
 
 def told(fields: dict[str, str], *words: str) -> dict[str, object]:

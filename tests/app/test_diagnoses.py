@@ -14,7 +14,6 @@ import httpx
 import numpy as np
 import pytest
 
-from app.http.security import COOKIE, csrf_token
 from benchmarks.harness.live import LiveServer, gearcase, started
 from benchmarks.harness.sounds import sound
 
@@ -222,14 +221,6 @@ def test_a_clock_that_begins_later_is_that_of_the_sound(operator: httpx.Client) 
     assert stored(operator, with_table(operator, table("load angle [rad]", start=2.0)))[
         "reversal_times_s"
     ] == pytest.approx([3, 4, 5], abs=0.02)
-
-
-def test_the_page_takes_telemetry(server: LiveServer, operator: httpx.Client) -> None:
-    files, cookies = {"file": ("x.wav", sound(70)), "telemetry": ("log.csv", table())}, server.session("operator")
-    data = {"csrf": csrf_token(cookies[COOKIE])}
-    made = httpx.post(f"{server.url}/diagnoses/new", files=files, data=data, cookies=cookies)
-    shown = operator.get(f"/api/v1{made.headers['location']}").json()
-    assert shown["recording"]["speed_rad_s"] == pytest.approx(4.71, rel=0.01)
 
 
 def test_telemetry_may_be_of_the_motor_or_need_a_channel_map(operator: httpx.Client, server: LiveServer) -> None:

@@ -108,7 +108,7 @@ def upload_page(request: Request, session: Reading, service: TheService, princip
 def upload(request: Request, principal: PageOperator, upload: TheUpload, service: TheService) -> Response:
     """Take a recording in and diagnose it."""
     check_csrf(request, upload.fields.get("csrf", ""))
-    upload.only("file", "telemetry", "csrf", "recorded_at", *SAID)
+    upload.only("file", "csrf", "recorded_at", *SAID)
     intake = taken_in(service, upload, told(upload.fields, "recorded_at"), RecordingMetadata)[0].fitted(service.library)
     with service.library.transaction(principal.actor) as session:
         diagnosis = intake.diagnose(service.library, session)
