@@ -49,7 +49,7 @@ def measured_motion(time_s: Floats, angle_rad: Floats) -> MeasuredMotion:
     Raises:
         TelemetryError: if the angle does not go back and forth, or not between the same two positions.
     """
-    times = np.array(reversal_times_s(time_s, angle_rad))
+    times = _reversals(time_s, angle_rad)
     if times.size < 2:
         raise TelemetryError("the angle does not go back and forth: one whole way from end to end is needed")
     ends = np.interp(times, time_s, angle_rad)
@@ -65,6 +65,22 @@ def measured_motion(time_s: Floats, angle_rad: Floats) -> MeasuredMotion:
     course = np.mean([_way(time_s, angle_rad, *each, grid) for each in pairs], axis=0)
     profile = _fitted(grid, stroke * np.gradient(course, grid), stroke)
     return MeasuredMotion(profile, tuple(times.tolist()))
+
+
+def _reversals(time_s: Floats, angle: Floats) -> Floats:
+    """Return the reversals, shape (n,) [s], the first and the last too, if the angle comes from elsewhere and goes on.
+
+    For that, it is as if the angle came from the other end, and went there.
+    """
+    low, high = float(angle.min()), float(angle.max())
+    before, after = (low if 2 * at > low + high else high for at in (angle[0], angle[-1]))
+    longer = [time_s[0] - 1], time_s, [time_s[-1] + 1]
+    times = np.array(reversal_times_s(np.concatenate(longer), np.concatenate([[before], angle, [after]])))
+    ends = np.interp(times, time_s, angle)
+    cut = 0.02 * (high - low)
+    first = int(times.size > 0 and abs(ends[0] - angle[0]) <= cut)
+    last = times.size - int(times.size > first and abs(ends[-1] - angle[-1]) <= cut)
+    return times[first:last]
 
 
 def _way(time_s: Floats, angle: Floats, times: tuple[float, float], ends: tuple[float, float], grid: Floats) -> Floats:

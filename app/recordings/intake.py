@@ -50,6 +50,7 @@ from signals.motion import CONTRADICTS
 from signals.motion_profile import MotionProfile
 from signals.reading.decode import LIMITS, read_recording
 from signals.recording import Recording
+from signals.recording_quality.disturbances import survey
 from signals.telemetry import CHANNELS, Telemetry, read_telemetry, recognise_columns
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
@@ -142,6 +143,20 @@ def shown(value: object) -> str:
     if isinstance(value, tuple):
         return f"{len(value)} times"
     return f"{value:.4g}" if isinstance(value, float) else str(value).lower()
+
+
+def heard_apart_s(recording: Recording, condition: OperatingCondition) -> float:
+    """Return how far given reversals lie from those that are heard, where that is too far for one clock [s]; else 0.
+
+    Where no reversals are heard, or with another period, nothing is said against the given ones.
+    """
+    surveyed = survey(recording, replace(condition, reversal_times_s=()))
+    motion, period_s = surveyed.analysis.motion, condition.motion_period_s or 0.0
+    heard, given = np.array(motion.reversal_times_s), np.array(condition.reversal_times_s) - surveyed.start_s
+    if not given.size or motion.period_in_sound_s is None or differs(motion.period_in_sound_s, period_s):
+        return 0.0
+    apart_s = float(np.median(np.abs(heard[:, None] - given).min(axis=0)))
+    return apart_s if apart_s > max(period_s / 20, 0.1) else 0.0
 
 
 def superseded(typed: OperatingCondition, measured: Mapping[str, Any]) -> tuple[str, ...]:
@@ -475,6 +490,11 @@ def hear(
     measured = {} if log is None else log.condition(axis, recording.duration_s)
     condition = replace(typed, **measured)
     extraction = extract(recording, condition)
+    late_s = 0.0 if log is None else heard_apart_s(recording, condition)
+    if late_s:
+        measured = {name: value for name, value in measured.items() if name != "reversal_times_s"}
+        condition = replace(typed, **measured)
+        extraction = extract(recording, condition)
     stated = typed.speed_rad_s or typed.payload_kg_m2 or typed.motion_period_s
     known = expected(library, axis, metadata.axis) if stated else Expected()
     doubtful = replace(condition, speed_rad_s=None, motion_period_s=None) if measured else condition
@@ -495,6 +515,8 @@ def hear(
         extra["device"] = recording.source.device
     recorded_at, remarks = when_recorded(recording, metadata.recorded_at)
     remarks += superseded(typed, measured)
+    if late_s:
+        remarks += (f"the reversals of the telemetry lie {late_s:.2g} s from those that are heard, which are used",)
     description = RecordingDescription(
         file_name=name,
         media_type=media_type,

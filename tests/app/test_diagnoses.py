@@ -163,11 +163,13 @@ def test_when_a_notch_comes_is_said_as_a_time_of_the_cycle_and_no_angle(
 SINE = {"kind": "sine", "stroke_rad": 3.0, "load_speed_rad_s": 1.5 * math.pi}
 
 
-def table(angle: str = "load_position_rad", factor: float = 1.0, start: float = 0.0, end: float = 6.0) -> bytes:
-    """Return telemetry of the motion of `sound`: a sine of 2 s, which begins at one end."""
+def table(
+    angle: str = "load_position_rad", factor: float = 1.0, start: float = 0.0, end: float = 6.0, late: float = 0.0
+) -> bytes:
+    """Return telemetry of the motion of `sound`, a sine of 2 s that begins at one end, by a clock that is so late."""
     time = np.arange(round(100 * start), round(100 * end)) / 100
     way = factor * 1.5 * (1 - np.cos(np.pi * time))
-    rows = "".join(f"{t:.2f},{x:.6f},0.5\n" for t, x in zip(time, way, strict=True))
+    rows = "".join(f"{t:.2f},{x:.6f},0.5\n" for t, x in zip(time - late, way, strict=True))
     return f"time_s,{angle},current [A]\n{rows}".encode()
 
 
@@ -221,6 +223,12 @@ def test_a_clock_that_begins_later_is_that_of_the_sound(operator: httpx.Client) 
     assert stored(operator, with_table(operator, table("load angle [rad]", start=2.0)))[
         "reversal_times_s"
     ] == pytest.approx([3, 4, 5], abs=0.02)
+
+
+def test_a_log_of_another_moment_does_not_move_the_reversals(operator: httpx.Client) -> None:
+    made = with_table(operator, table(start=2.4, late=2.4))
+    assert "reversal_times_s" not in stored(operator, made)
+    assert any("reversals of the telemetry" in remark for remark in made.json()["remarks"])
 
 
 def test_telemetry_may_be_of_the_motor_or_need_a_channel_map(operator: httpx.Client, server: LiveServer) -> None:

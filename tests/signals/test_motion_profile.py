@@ -66,6 +66,11 @@ def test_an_angle_has_the_motion_that_it_was_made_of(profile: MotionProfile) -> 
     np.testing.assert_allclose(found.reversal_times_s, expected, atol=0.02)
 
 
+def test_a_reversal_near_an_end_of_the_log_counts() -> None:
+    found = measured_motion(CLOCK, np.cos(2 * np.pi * (CLOCK - 2) / 12))
+    assert found.reversal_times_s == pytest.approx((2.0, 8.0, 14.0), abs=0.01)
+
+
 def test_an_angle_without_one_motion_is_refused() -> None:
     with pytest.raises(TelemetryError, match="back and forth"):
         measured_motion(CLOCK, 2 * CLOCK)
