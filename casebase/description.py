@@ -9,6 +9,7 @@ from typing import Any
 from casebase.errors import InvalidRequestError
 from casebase.store.models import CASE_STATES, ORIGINS, VERIFICATIONS
 from signals.condition import OperatingCondition
+from signals.motion_profile import MotionProfile
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,8 @@ def condition_of(document: Mapping[str, object]) -> OperatingCondition:
     given: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value for name, value in stored.items() if name in known
     }
+    if "motion" in given:
+        given["motion"] = MotionProfile(**given["motion"])
     return OperatingCondition(**given)
 
 

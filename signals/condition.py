@@ -5,6 +5,7 @@ import math
 from dataclasses import dataclass
 
 from signals.errors import ConditionError
+from signals.motion_profile import MotionProfile
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,7 @@ class OperatingCondition:
         steady: True for a shaft that turns at constant speed, False for back and forth, None if unknown.
         shaft_orders: turns of each shaft per turn of the output, motor first [1].
         mesh_orders: tooth engagements of each mesh per turn of the output, motor side first [1].
+        motion: the whole course of back and forth.
 
     Raises:
         ConditionError: if a value is not finite or has an impossible sign.
@@ -31,6 +33,7 @@ class OperatingCondition:
     steady: bool | None = None
     shaft_orders: tuple[float, ...] = ()
     mesh_orders: tuple[float, ...] = ()
+    motion: MotionProfile | None = None
 
     def __post_init__(self) -> None:
         positive = {

@@ -50,6 +50,7 @@ class Telemetry:
         ignored: columns of the file that are no known channel.
         recognised: the channel map that reading it amounted to, where columns were recognised by other names than the
             channels' own; else empty.
+        first_s: what the clock of the table says at the first sample, where `time_s` is 0 [s].
     """
 
     time_s: NDArray[np.float64]
@@ -57,6 +58,7 @@ class Telemetry:
     lost: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     ignored: tuple[str, ...] = ()
     recognised: str = ""
+    first_s: float = 0.0
 
     def __getitem__(self, channel: str) -> NDArray[np.float64]:
         """Return one channel, shape (n,)."""
@@ -167,9 +169,8 @@ def telemetry_of(content: bytearray, found: Mapping[str, Any]) -> Telemetry:
         values[name] = taken(np.float64)
         if name in found["lost"]:
             lost[name] = taken(np.bool_)
-    return Telemetry(
-        time_s, MappingProxyType(values), MappingProxyType(lost), tuple(found["ignored"]), found["recognised"]
-    )
+    told = found["recognised"], float(found["first_s"])
+    return Telemetry(time_s, MappingProxyType(values), MappingProxyType(lost), tuple(found["ignored"]), *told)
 
 
 def check_telemetry(path: Path, limits: TelemetryLimits = LIMITS, *, channels: str | None = None) -> None:

@@ -28,7 +28,7 @@ from app.http.headers import IfNoneMatch, has_already, location, not_modified
 from app.http.idempotency import Made, Once, OnlyOnce
 from app.http.security import Admin, Viewer
 from app.http.uploads import MaybeUpload, Upload, multipart_body
-from app.recordings.intake import CaseMetadata, read_metadata, take_in
+from app.recordings.intake import CaseMetadata, take_in
 from app.service import Reading, Service, TheService
 from casebase.review import Competence, Finding, Hole, review
 from casebase.search.case_filter import CaseFilter
@@ -87,13 +87,11 @@ async def add_case(_: Admin, upload: MaybeUpload, once: OnlyOnce, request: Reque
 
 def _from_recording(once: Once, request: Request, upload: Upload) -> Response:
     file, service = upload.file("file"), once.service
-    upload.only("file", "metadata")
-    metadata = read_metadata(upload.text("metadata", service.settings.metadata_bytes), CaseMetadata)
-    content = (file.sha256, metadata.description())
+    metadata, log, content = upload.recording(CaseMetadata, service.settings.metadata_bytes)
     kept = once.replay(*content)
     if kept is not None:
         return kept
-    intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
+    intake = take_in(service.library, file.path, file.name, file.media_type, metadata, log=log)
     labelling = metadata.labelling()
 
     def work(session: Session) -> Made:

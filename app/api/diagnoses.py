@@ -53,15 +53,17 @@ HTML, JSON = "text/html", "application/json"
     openapi_extra=multipart_body(RecordingMetadata),
 )
 def diagnose(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request) -> Response:
-    """Diagnose a recording: part `file` with the sound, part `metadata` (JSON) with what is known of it."""
+    """Diagnose a recording: part `file` with the sound, part `metadata` (JSON) with what is known of it.
+
+    A part `telemetry` beside it, with `channels` where its columns are not told by their names and units, says the
+    motion: its angle is measured, so it wins over what the metadata say.
+    """
     file, service = upload.file("file"), once.service
-    upload.only("file", "metadata")
-    metadata = read_metadata(upload.text("metadata", service.settings.metadata_bytes), RecordingMetadata)
-    content = (file.sha256, metadata.description())
+    metadata, log, content = upload.recording(RecordingMetadata, service.settings.metadata_bytes)
     kept = once.replay(*content)
     if kept is not None:
         return kept
-    intake = take_in(service.library, file.path, file.name, file.media_type, metadata).fitted(service.library)
+    intake = take_in(service.library, file.path, file.name, file.media_type, metadata, log=log).fitted(service.library)
 
     def work(session: Session) -> Made:
         diagnosis = intake.diagnose(service.library, session)

@@ -1,7 +1,7 @@
 """Jobs: how far they are, live over server-sent events, cancelled and resumed; and simulations, which are jobs."""
 
 from collections.abc import AsyncIterator
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Header, Path, Request, Response, status
 from fastapi.concurrency import run_in_threadpool
@@ -107,6 +107,9 @@ class SimulationRequest(
     duration_s: float = Field(DURATION_S, ge=1.0, le=120.0, description="of each recording [s]")
     payload_kg_m2: Span | None = Field(None, description="from, to; around the axis's own if not given [kg m2]")
     speed_rad_s: Span | None = Field(None, description="from, to; around the axis's own if not given [rad/s]")
+    motion: Literal["described", "any"] = Field(
+        "described", description="described: stroke, acceleration time and rest around those of the description"
+    )
     fitted: bool = Field(True, description="use the sound fitted to the place, where there is one")
 
 
@@ -140,6 +143,7 @@ def campaign_of(service: Service, wanted: SimulationRequest) -> Campaign:
         version,
         wanted.payload_kg_m2,
         wanted.speed_rad_s,
+        wanted.motion,
     )
 
 

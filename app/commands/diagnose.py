@@ -9,7 +9,7 @@ from app.commands import BAD_INPUT, DONE, FAULT_FOUND, frame
 from app.commands.faults import sentence
 from app.commands.frame import ACTOR, AXIS, Channel, Gearbox, Json, Payload, Period, Speed, Steady
 from app.documents import DiagnosisAnswer
-from app.recordings.intake import RecordingMetadata, decoded, hear, media_type_of, take_in
+from app.recordings.intake import Log, RecordingMetadata, decoded, hear, media_type_of, take_in
 from app.recordings.neighbours import MOST_NEIGHBOURS, NeighbourAnswer, NeighbourQuery, neighbours_of
 from app.recordings.sound_files import MEANT, Sound, sounds
 from app.report.formatting import sentence as sentence_of
@@ -18,6 +18,8 @@ from casebase.labels import BASELINES
 from casebase.library import CaseLibrary
 from signals.errors import SignalError
 from signals.features import feature_words
+from signals.reading.plain_file import plain_bytes
+from signals.reading.text import text_of
 from sim.description.axis import Axis
 
 SHOWN_FEATURES = 3
@@ -32,6 +34,10 @@ def diagnose(
     steady: Steady = None,
     gearbox: Gearbox = None,
     channel: Channel = None,
+    telemetry: Annotated[
+        Path | None, typer.Option(help="table of the same motion beside one FILE; its angle says the motion")
+    ] = None,
+    channels: Annotated[Path | None, typer.Option(help="channel map of the telemetry")] = None,
     fail_on: Annotated[Literal["fault"] | None, typer.Option(help="end with 3 if a fault is found")] = None,
     json: Json = False,
 ) -> None:
@@ -44,19 +50,26 @@ def diagnose(
         gearbox=gearbox,
         channel=channel,
     )
+    if (telemetry is not None and len(files) != 1) or (channels is not None and telemetry is None):
+        raise typer.BadParameter("--telemetry goes with one FILE, and --channels with --telemetry")
     described = frame.axis_of(axis) if axis else None
+    log = None if telemetry is None else Log(telemetry, text_of(plain_bytes(channels)) if channels else None)
     limit = frame.settings().upload_bytes
     with frame.library() as library, frame.progress() as progress, sounds(files, limit) as found:
-        entries = [_entry(library, one, metadata, described) for one in progress.track(found, description="diagnosing")]
+        entries = [
+            _entry(library, one, metadata, described, log) for one in progress.track(found, description="diagnosing")
+        ]
     frame.answer(json, entries, *(line for entry in entries for line in _lines(entry)))
     raise typer.Exit(_code(entries, fail_on))
 
 
-def _entry(library: CaseLibrary, sound: Sound, metadata: RecordingMetadata, axis: Axis | None) -> dict[str, Any]:
+def _entry(
+    library: CaseLibrary, sound: Sound, metadata: RecordingMetadata, axis: Axis | None, log: Log | None
+) -> dict[str, Any]:
     if sound.problem:
         return {"file": sound.shown, "error": sound.problem}
     try:
-        intake = take_in(library, sound.path, sound.name, media_type_of(sound.name), metadata, axis)
+        intake = take_in(library, sound.path, sound.name, media_type_of(sound.name), metadata, axis, log)
     except (SignalError, OSError) as error:
         return {"file": sound.shown, "error": sentence(error)}
     with library.transaction(ACTOR) as session:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from pydantic import BaseModel, ConfigDict
@@ -43,6 +43,9 @@ def generate(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="the same seed gives the same cases")] = 0,
     duration: Annotated[float, typer.Option(help="of each recording [s]")] = DURATION_S,
+    motion: Annotated[
+        Literal["described", "any"], typer.Option(help="around that of the description, where it says one, or any")
+    ] = "described",
     generic: Annotated[bool, typer.Option(help="do not use the sound fitted to this axis")] = False,
     processes: Processes = CORES,
     json: Json = False,
@@ -57,6 +60,7 @@ def generate(
         microphones, version = ((), None) if generic else fitted_microphones(library, described)
         common: dict[str, Any] = {
             "seed": seed,
+            "motion": motion,
             "duration_s": duration,
             "microphones": microphones,
             "sound_version": version,
@@ -127,7 +131,7 @@ def starter(
             frame.say(f"simulating a starter library for {PAPER_AXIS.name}: {per_label} each of {', '.join(LABELS)}")
             with library.transaction("starter") as session:
                 add_axis(session, PAPER_AXIS.name, PAPER_AXIS.to_mapping())
-            campaign = Campaign(PAPER_AXIS, dict.fromkeys(LABELS, per_label))
+            campaign = Campaign(PAPER_AXIS, dict.fromkeys(LABELS, per_label), motion="any")
             outcome = with_progress(library, campaign, processes)
             frame.say(f"{outcome.new + outcome.known} simulated cases")
         if shown is None:

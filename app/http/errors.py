@@ -206,6 +206,8 @@ def _from_domain(_: ExceptionHandler, __: Request, error: Exception) -> Problem:
     if isinstance(error, library.DuplicateError):
         there = {"id": error.case_id, "label": error.label, "gearbox": error.gearbox}
         return kind(str(error), case=there)
+    if isinstance(error, signals.TelemetryError):
+        return kind(str(error), errors=[{"location": "telemetry", "message": str(error), "kind": "telemetry"}])
     if isinstance(error, library.BusyError):
         return kind(str(error), headers=BUSY)
     return kind(str(error), headers={"Retry-After": "60"} if isinstance(error, NotReadyError) else None)

@@ -11,7 +11,7 @@ from email.header import decode_header, make_header
 from email.message import Message
 from email.utils import collapse_rfc2231_value
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 from urllib.parse import unquote
 
 from fastapi import Depends, Request
@@ -22,6 +22,7 @@ from starlette.formparsers import MultiPartException, MultiPartParser
 
 from app.http.errors import BadRequest, TooLarge, Unprocessable, UnsupportedMedia
 from app.http.security import ConcurrencyLimiter
+from app.recordings.intake import Log, RecordingMetadata, read_metadata
 from app.service import Service, service_of
 from casebase.store.stale_locks import hold
 from signals.errors import TextError
@@ -84,6 +85,7 @@ def plain_name(name: str) -> str:
         return name
 
 
+Described = TypeVar("Described", bound=RecordingMetadata)
 BLOCK = 1024 * 1024
 NAME_CHARACTERS = 255
 BINARY = {"type": "string", "format": "binary"}
@@ -143,6 +145,25 @@ class Upload:
                 raise Unprocessable(f"The form has two files {file.name!r} in the parts {name!r}; give each its name.")
             found[file.name] = _text(name, file, limit)
         return found
+
+    def recording(self, model: type[Described], limit: int) -> tuple[Described, Log | None, tuple[object, ...]]:
+        """Return what is said of the recording in the part `file`, the telemetry beside it, and what makes the request
+        the same as another.
+
+        Raises:
+            Unprocessable: if parts are missing, unknown, or one too many.
+        """
+        sound, logs = self.file("file"), self.all_of("telemetry")
+        self.only("file", "metadata", "telemetry", "channels")
+        metadata: Described = read_metadata(self.text("metadata", limit), model)
+        channels = self.text("channels", limit).strip() or None
+        if len(logs) > 1 or (channels and not logs):
+            raise Unprocessable(
+                f"The form has {len(logs)} tables in the part 'telemetry'; one goes with a recording, and 'channels' "
+                "with that."
+            )
+        log = Log(logs[0].path, channels) if logs else None
+        return metadata, log, (sound.sha256, metadata.description(), *([logs[0].sha256, channels] if logs else []))
 
     def filled(self) -> "Upload":
         """Return it without what is empty: a browser sends that for each field that was left alone."""
@@ -278,7 +299,7 @@ def multipart_body(
     """The OpenAPI of a request with the parts `file` and `metadata`, or with a JSON document instead.
 
     Args:
-        query: of a part `query`, which can stand for the file.
+        query: of a part `query`, which can stand for the file; else there may be telemetry beside it.
     """
     content: dict[str, Any] = {
         "multipart/form-data": {
@@ -296,10 +317,17 @@ def multipart_body(
     }
     if any(field.is_required() for field in metadata.model_fields.values()):
         content["multipart/form-data"]["schema"]["required"].append("metadata")
-    if query is not None:
+    parts = content["multipart/form-data"]["schema"]["properties"]
+    if query is None:
+        parts["telemetry"] = {
+            **BINARY,
+            "description": "time and angle of the same motion, a table as of investigations",
+        }
+        parts["channels"] = {"type": "string", "description": "channel map of the telemetry, TOML or the same as JSON"}
+    else:
         del content["multipart/form-data"]["schema"]["required"]
         described = {**query.model_json_schema(), "description": "JSON: what is looked for, and how"}
-        content["multipart/form-data"]["schema"]["properties"]["query"] = described
+        parts["query"] = described
         content["multipart/form-data"]["encoding"]["query"] = {"contentType": "application/json"}
     if instead is not None:
         content["application/json"] = {"schema": instead.model_json_schema()}

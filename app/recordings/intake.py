@@ -4,13 +4,17 @@ What is said of it is one strict document for HTTP, command line and bundles.
 """
 
 import math
+import tomllib
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 from zoneinfo import ZoneInfo
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import (
     BaseModel,
     ConfigDict,
@@ -19,8 +23,11 @@ from pydantic import (
     StrictBool,
     StrictInt,
     StringConstraints,
+    TypeAdapter,
     ValidationError,
+    WithJsonSchema,
     field_validator,
+    model_validator,
 )
 from sqlalchemy.orm import Session
 
@@ -34,10 +41,17 @@ from casebase.reasoning.plausibility import Expected, Known, held_against
 from casebase.store.audio_store import Content
 from casebase.store.fields import AxisName, Label, Moment, Positive, Text, Verification, Verified, Word, is_ahead
 from casebase.store.models import StoredDiagnosis, StoredRecording
+from signals.columns.column_names import meaning_of
 from signals.condition import OperatingCondition
+from signals.errors import ConditionError, TelemetryError
 from signals.features import Extraction, extract
+from signals.measured_motion import measured_motion
+from signals.motion import CONTRADICTS
+from signals.motion_profile import MotionProfile
 from signals.reading.decode import LIMITS, read_recording
 from signals.recording import Recording
+from signals.recording_quality.disturbances import survey
+from signals.telemetry import CHANNELS, Telemetry, read_telemetry, recognise_columns
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 
@@ -70,6 +84,9 @@ class RecordingMetadata(BaseModel):
     reversal_times_s: tuple[Annotated[FiniteFloat, Field(ge=-600, le=600)], ...] | None = Field(
         None, max_length=10_000, description="standstills from the recording's start, in any order [s]"
     )
+    motion: Annotated[MotionProfile | None, WithJsonSchema(TypeAdapter(MotionProfile).json_schema())] = Field(
+        None, description="the course of back and forth: rad and s at the output; a sine has no acceleration_time_s"
+    )
     steady: StrictBool | None = Field(None, description="true: constant speed; false: back and forth")
     temperature_degc: Annotated[FiniteFloat, Field(ge=-100, le=300)] | None = Field(
         None, description="of the gearbox [°C]"
@@ -92,23 +109,66 @@ class RecordingMetadata(BaseModel):
     def _in_order(cls, times: tuple[float, ...] | None) -> tuple[float, ...] | None:
         return None if times is None else tuple(sorted(set(times)))
 
+    @model_validator(mode="after")
+    def _no_contradiction(self) -> Self:
+        for name, value in ({} if self.motion is None else self.motion.condition()).items():
+            given = getattr(self, name)
+            if given is not None and differs(given, value):
+                raise ValueError(f"{name} is {shown(given)}, but {shown(value)} by `motion`: leave one of them out")
+        return self
+
     def condition(
         self, shaft_orders: tuple[float, ...] = (), mesh_orders: tuple[float, ...] = ()
     ) -> OperatingCondition:
         """The operating condition, with the orders [per turn of the output] that the axis implies."""
-        return OperatingCondition(
-            speed_rad_s=self.speed_rad_s,
-            payload_kg_m2=self.payload_kg_m2,
-            motion_period_s=self.motion_period_s,
-            reversal_times_s=self.reversal_times_s or (),
-            steady=self.steady,
-            shaft_orders=shaft_orders,
-            mesh_orders=mesh_orders,
-        )
+        given = {each.name: getattr(self, each.name, None) for each in fields(OperatingCondition)}
+        known = {name: value for name, value in given.items() if value is not None}
+        implied = {} if self.motion is None else self.motion.condition()
+        return OperatingCondition(**{**implied, **known, "shaft_orders": shaft_orders, "mesh_orders": mesh_orders})
 
     def description(self) -> dict[str, object]:
         """What was said, as JSON, without what was not."""
         return self.model_dump(mode="json", exclude_none=True)
+
+
+def differs(one: object, other: object) -> bool:
+    """Whether two values are not the same, or two numbers differ by more than a given and a heard period may."""
+    if isinstance(one, float) and isinstance(other, float):
+        return abs(one - other) > CONTRADICTS * max(abs(one), abs(other))
+    return one != other
+
+
+def shown(value: object) -> str:
+    """Return a value for a sentence."""
+    if isinstance(value, tuple):
+        return f"{len(value)} times"
+    return f"{value:.4g}" if isinstance(value, float) else str(value).lower()
+
+
+def heard_apart_s(recording: Recording, condition: OperatingCondition) -> float:
+    """Return how far given reversals lie from those that are heard, where that is too far for one clock [s]; else 0.
+
+    Where no reversals are heard, or with another period, nothing is said against the given ones.
+    """
+    surveyed = survey(recording, replace(condition, reversal_times_s=()))
+    motion, period_s = surveyed.analysis.motion, condition.motion_period_s or 0.0
+    heard, given = np.array(motion.reversal_times_s), np.array(condition.reversal_times_s) - surveyed.start_s
+    if not given.size or motion.period_in_sound_s is None or differs(motion.period_in_sound_s, period_s):
+        return 0.0
+    apart_s = float(np.median(np.abs(heard[:, None] - given).min(axis=0)))
+    return apart_s if apart_s > max(period_s / 20, 0.1) else 0.0
+
+
+def superseded(typed: OperatingCondition, measured: Mapping[str, Any]) -> tuple[str, ...]:
+    """Say what was typed of a motion and is something else by the telemetry, one sentence each."""
+    pairs = [(name, getattr(typed, name), value) for name, value in measured.items() if name != "motion"]
+    for name in ("kind", "stroke_rad", "acceleration_time_s") if measured and typed.motion else ():
+        pairs.append((f"motion.{name}", getattr(typed.motion, name), getattr(measured["motion"], name)))
+    return tuple(
+        f"{name} is {shown(value)} by the telemetry, so the {shown(given)} that was given is not used"
+        for name, given, value in pairs
+        if given not in (None, ()) and differs(given, value)
+    )
 
 
 class CaseMetadata(RecordingMetadata):
@@ -154,11 +214,76 @@ def read_metadata(text: str, model: type[BaseModel], part: str = "metadata") -> 
         raise Unprocessable(f"{problem.detail}. Known: {known}.", **problem.extras) from None
 
 
+OUTPUT_ANGLES = ("load_position_rad", "motor_position_rad")
 CONTRADICTED = "contradicted"
 """Key of what was typed of a recording and is not used."""
 
 KEEPERS = ThreadPoolExecutor(4, thread_name_prefix="keeper")
 """Waiting for the disk takes no processor: bytes are made durable while features are computed."""
+
+
+@dataclass(frozen=True)
+class Log:
+    """Telemetry beside a recording; it begins with the sound, unless its clock says another moment of the sound.
+
+    Args:
+        channels: text of a channel map, where its columns need one.
+    """
+
+    path: Path
+    channels: str | None = None
+
+    def condition(self, axis: Axis | None, duration_s: float) -> Mapping[str, Any]:
+        """Return what the operating condition of a recording of so many seconds has of it.
+
+        Raises:
+            TelemetryError: if it cannot be read, has no angle of the output, or no motion back and forth.
+        """
+        try:
+            log = read_telemetry(self.path, channels=self.channels or angles_recognised(self.path))
+            motion = measured_motion(log.time_s, output_angle(log, axis))
+        except (TelemetryError, ConditionError) as error:
+            raise TelemetryError(f"telemetry: {error}") from None
+        return motion.condition(log.first_s if -log.duration_s < log.first_s < duration_s else 0.0, duration_s)
+
+
+def angles_recognised(path: Path) -> str | None:
+    """Return the channel map of clock and angles, where these are recognised; what a current needs is not asked for.
+
+    None where the channels have their own names, or the table does not tell enough of an angle either.
+
+    Raises:
+        TelemetryError: if an angle may be of the motor or of the output.
+    """
+    clock, angles = [], {}
+    for line in recognise_columns(path).map.splitlines():
+        name = line.split(" ", 1)[0]
+        if name in OUTPUT_ANGLES and "..." not in line:
+            angles[name] = line
+        elif name not in CHANNELS:
+            clock.append(line)
+    if [*angles] == ["motor_position_rad"]:
+        column = tomllib.loads(angles["motor_position_rad"])["motor_position_rad"]["column"]
+        meaning = meaning_of(str(column))
+        if meaning is not None and not meaning.side:
+            raise TelemetryError(
+                f"the column {column!r} may be an angle of the motor or of the output: call it motor_position_rad or "
+                "load_position_rad, or send a channel map"
+            )
+    text = "\n".join([*clock, *angles.values()])
+    return text if angles and "..." not in text else None
+
+
+def output_angle(log: Telemetry, axis: Axis | None) -> NDArray[np.float64]:
+    """Return the angle of the output, shape (n,) [rad]; raises TelemetryError where it has none."""
+    if "load_position_rad" in log:
+        return log["load_position_rad"]
+    if axis is not None and "motor_position_rad" in log:
+        return log["motor_position_rad"] / axis.ratio
+    raise TelemetryError(
+        "it has no angle of the output: load_position_rad, or motor_position_rad and an axis that is described are "
+        f"needed; it has {', '.join(log.channels)}"
+    )
 
 
 @dataclass(frozen=True)
@@ -316,12 +441,13 @@ def take_in(
     media_type: str,
     metadata: RecordingMetadata,
     axis: Axis | None = None,
+    log: Log | None = None,
 ) -> Intake:
     """Decode a file, take its features and, meanwhile, read its bytes; see `hear`."""
     recording = decoded(path, metadata, axis)
     keeping = KEEPERS.submit(library.audio.content, path)
     try:
-        heard = hear(library, recording, name, media_type, metadata, axis)
+        heard = hear(library, recording, name, media_type, metadata, axis, log)
     finally:
         content = keeping.result()
     return Intake(**vars(heard), content=content)
@@ -345,6 +471,7 @@ def hear(
     media_type: str,
     metadata: RecordingMetadata,
     axis: Axis | None = None,
+    log: Log | None = None,
 ) -> DecodedRecording:
     """Take the features of a recording and what is known of how it was taken; nothing is stored.
 
@@ -353,27 +480,43 @@ def hear(
 
     Args:
         axis: its description; by default the library's for the name in the metadata, where it has one.
+        log: what it says of the motion is used, whatever was typed.
 
     Raises:
-        SignalError: what its description has wrong, as `extract` says.
+        SignalError: what its description or its telemetry has wrong, as `extract` and `Log.condition` say.
     """
     axis = axis or known_axis(library, metadata.axis)
-    condition = metadata.condition(*orders_of(axis))
+    typed = metadata.condition(*orders_of(axis))
+    measured = {} if log is None else log.condition(axis, recording.duration_s)
+    condition = replace(typed, **measured)
     extraction = extract(recording, condition)
-    stated = condition.speed_rad_s or condition.payload_kg_m2 or condition.motion_period_s
+    late_s = 0.0 if log is None else heard_apart_s(recording, condition)
+    if late_s:
+        measured = {name: value for name, value in measured.items() if name != "reversal_times_s"}
+        condition = replace(typed, **measured)
+        extraction = extract(recording, condition)
+    stated = typed.speed_rad_s or typed.payload_kg_m2 or typed.motion_period_s
     known = expected(library, axis, metadata.axis) if stated else Expected()
-    usable, doubts = held_against(condition, extraction.motion, known)
+    doubtful = replace(condition, speed_rad_s=None, motion_period_s=None) if measured else condition
+    usable, doubts = held_against(doubtful, extraction.motion, known)
+    usable = replace(usable, **measured)
+    if usable.speed_rad_s is None or usable.motion_period_s is None:
+        usable = replace(usable, motion=None)
     if doubts:
         extraction = extract(recording, usable)
         extraction = replace(extraction, quality=(*extraction.quality, *doubts))
     extra = metadata.model_dump(
         mode="json", include={"robot", "temperature_degc", "notes", "verified_by"}, exclude_none=True
     )
-    typed = {name: value for name, value in asdict(condition).items() if value != getattr(usable, name)}
-    extra |= {CONTRADICTED: typed} if typed else {}
+    used = asdict(usable)
+    unused = {name: value for name, value in asdict(typed).items() if value not in (None, ()) and value != used[name]}
+    extra |= {CONTRADICTED: unused} if unused else {}
     if recording.source.device is not None:
         extra["device"] = recording.source.device
     recorded_at, remarks = when_recorded(recording, metadata.recorded_at)
+    remarks += superseded(typed, measured)
+    if late_s:
+        remarks += (f"the reversals of the telemetry lie {late_s:.2g} s from those that are heard, which are used",)
     description = RecordingDescription(
         file_name=name,
         media_type=media_type,
@@ -383,8 +526,12 @@ def hear(
         recorded_at=recorded_at,
         extra=extra,
     )
-    if not axis:
+    if axis is None:
         remarks += unknown_axis(library, metadata.axis)
+    elif usable.motion is not None:
+        from sim.experiment.motion_limits import not_covered  # slow to import
+
+        remarks += not_covered(axis, usable.motion, usable.payload_kg_m2)
     return DecodedRecording(recording, extraction, description, remarks)
 
 

@@ -47,6 +47,7 @@ VERDICTS = WORDS["verdicts"]
 NOT_COMPARED = "no regular motion is found"
 """A remark that begins so says why there is no label, and stands first."""
 UNLIKE = "the nearest cases are "
+NOT_COVERED = "no fault does not cover"
 RECORD_AGAIN = (
     "Record it again for 20 s or more and three cycles of the motion or more, with the microphone at the gearbox."
 )
@@ -284,10 +285,11 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
     present = " and ".join(name_of(fault["label"]) for fault in document["faults"]) or name_of(label)
     headline = "No fault indicated" if good else f"Fault likely: {present}"
     short = tuple(flag["reason"] for flag in document["quality"] if flag["name"].startswith(TOO_SHORT))
-    noted = "".join(f" {sentence(reason)}" for reason in short)
-    sure = f"{sure_words(document)}{limits_of(document) if good else _size(document)}".strip() + noted
+    noted = (*short, *(_remarks(document, NOT_COVERED) if good else ()))
+    sure = f"{sure_words(document)}{limits_of(document) if good else _size(document)}".strip()
+    sure += "".join(f" {sentence(reason)}" for reason in noted)
     rest = f"{_left(document)}{_support(document)}"
-    return Verdict(headline, sure, label, checks_of(document, label), short, why(document, [label]), rest)
+    return Verdict(headline, sure, label, checks_of(document, label), noted, why(document, [label]), rest)
 
 
 def judged(verdict: Verdict, row: StoredDiagnosis) -> Verdict:

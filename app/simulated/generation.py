@@ -20,7 +20,7 @@ from dataclasses import asdict, dataclass, field
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from threading import Thread
-from typing import Any, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 import soundfile
@@ -44,7 +44,7 @@ from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, microphone_of
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.errors import ParameterError
-from sim.experiment.design_of_experiments import DURATION_S, Planned, Range, plan
+from sim.experiment.design_of_experiments import DURATION_S, Planned, Range, around, plan
 from sim.experiment.scenario import MODEL_VERSION, Scenario
 from sim.mechanisms import MECHANISMS
 
@@ -72,6 +72,8 @@ class Campaign:
         Version of the artifact that the microphones come from.
     payload_kg_m2, speed_rad_s
         From where to where; around the axis's own where None.
+    motion
+        Stroke, acceleration time and rest: around what the description says of them, or any.
     """
 
     axis: Axis
@@ -82,6 +84,7 @@ class Campaign:
     sound_version: int | None = None
     payload_kg_m2: tuple[float, float] | None = None
     speed_rad_s: tuple[float, float] | None = None
+    motion: Literal["described", "any"] = "described"
 
     def __post_init__(self) -> None:
         for name in ("payload_kg_m2", "speed_rad_s"):
@@ -129,7 +132,8 @@ class Campaign:
             "payload_factor": (self.payload_kg_m2, self.axis.load.inertia_kg_m2),
             "speed_factor": (self.speed_rad_s, self.axis.motion.load_speed_rad_s),
         }
-        return [Range(name, ends[0] / own, ends[1] / own) for name, (ends, own) in given.items() if ends is not None]
+        ranges = [Range(name, ends[0] / own, ends[1] / own) for name, (ends, own) in given.items() if ends is not None]
+        return [*ranges, *(around(self.axis) if self.motion == "described" else ())]
 
     def batches(self) -> list[range]:
         """The cases by number, cut into tasks."""

@@ -16,6 +16,7 @@ from pydantic import (
 from casebase.description import Labelling, RecordingDescription
 from casebase.store.fields import AxisName, FileName, Label, Moment, Positive, Short, Text, Verification, Verified, Word
 from signals.condition import OperatingCondition
+from signals.motion_profile import MotionProfile
 
 Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 Orders = Annotated[tuple[Annotated[FiniteFloat, Field(gt=0, le=1e9)], ...], Field(max_length=200)]
@@ -34,6 +35,7 @@ class BundledCondition(BaseModel):
     steady: StrictBool | None = None
     shaft_orders: Orders = ()
     mesh_orders: Orders = ()
+    motion: MotionProfile | None = None
 
 
 class BundledRecording(BaseModel):
@@ -56,7 +58,7 @@ class BundledRecording(BaseModel):
             media_type=self.media_type,
             axis=self.axis,
             gearbox=self.gearbox,
-            condition=OperatingCondition(**self.condition.model_dump()),
+            condition=OperatingCondition(**vars(self.condition)),
             recorded_at=self.recorded_at,
             extra=dict(self.extra),
         )

@@ -111,7 +111,8 @@ def _read(path: Path, map_: ChannelMap | None, cells: int, send: Send) -> Mappin
             send(missing.data)
     others = [name[:LONGEST_NAME] for place, name in enumerate(names) if place not in places.values()]
     ignored = others if map_ is None else []  # whoever wrote a map has left the others out on purpose
-    return {"rows": time_s.size, "channels": known, "lost": lost, "ignored": ignored, "recognised": recognised}
+    told = {"ignored": ignored, "recognised": recognised, "first_s": float(values[TIME][0])}
+    return {"rows": time_s.size, "channels": known, "lost": lost, **told}
 
 
 def names_of(table: OpenTable) -> list[str]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode
 from sim.description.axis import Axis, MechanismEntry, Motion
 from sim.errors import ParameterError, SimulationError, near_match
-from sim.experiment.scenario import Scenario
+from sim.experiment.scenario import Scenario, travel_rad
 from sim.experiment.specimen import Specimen
 from sim.mechanisms import MECHANISMS, Backlash, BearingDefect, ElectricalHum, ToothDamage
 from sim.mechanisms.catalogue import with_mechanism
@@ -132,6 +132,22 @@ class Planned:
     def mechanism(self) -> MechanismEntry | None:
         """The fault; None for normal."""
         return self.scenario.axis.mechanisms[-1] if self.size is not None else None
+
+
+def around(axis: Axis) -> tuple[Range, ...]:
+    """Ranges of the motion about what the description says of it, as wide as that of the speed; the period says the
+    stroke."""
+    spread = next(each for each in OPERATION if each.name == "speed_factor")
+    said = {
+        "travel_rad": ("period_s", travel_rad(axis.motion)),
+        "acceleration_time_s": ("acceleration_time_s", axis.motion.acceleration_time_s),
+        "dwell_s": ("dwell_s", axis.motion.dwell_s),
+    }
+    return tuple(
+        Range(name, spread.low * value, spread.high * value)
+        for name, (key, value) in said.items()
+        if axis.describes_motion(key)
+    )
 
 
 def plan(

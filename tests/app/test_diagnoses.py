@@ -1,17 +1,20 @@
 """A diagnosis over HTTP, from the recording to the corrected case."""
 
 import json
+import math
 import os
 import re
 import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
-from benchmarks.harness.live import LiveServer, started
+from benchmarks.harness.live import LiveServer, gearcase, started
 from benchmarks.harness.sounds import sound
 
 DIAGNOSES = "/api/v1/diagnoses"
@@ -155,3 +158,113 @@ def test_when_a_notch_comes_is_said_as_a_time_of_the_cycle_and_no_angle(
     assert "Time in the cycle" in page
     assert "<dt>Angle</dt>" not in page
     assert "at the angle where" not in page
+
+
+SINE = {"kind": "sine", "stroke_rad": 3.0, "load_speed_rad_s": 1.5 * math.pi}
+
+
+def table(
+    angle: str = "load_position_rad", factor: float = 1.0, start: float = 0.0, end: float = 6.0, late: float = 0.0
+) -> bytes:
+    """Return telemetry of the motion of `sound`, a sine of 2 s that begins at one end, by a clock that is so late."""
+    time = np.arange(round(100 * start), round(100 * end)) / 100
+    way = factor * 1.5 * (1 - np.cos(np.pi * time))
+    rows = "".join(f"{t:.2f},{x:.6f},0.5\n" for t, x in zip(time - late, way, strict=True))
+    return f"time_s,{angle},current [A]\n{rows}".encode()
+
+
+def with_table(client: httpx.Client, content: bytes, path: str = DIAGNOSES, **data: object) -> httpx.Response:
+    """Send a recording with telemetry beside it."""
+    parts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in data.items()}
+    return client.post(path, files={"file": ("x.wav", sound(70)), "telemetry": ("log.csv", content)}, data=parts)
+
+
+def stored(client: httpx.Client, diagnosis: httpx.Response) -> dict[str, Any]:
+    """Return the condition that the recording of a diagnosis has."""
+    path = f"/api/v1/recordings/{diagnosis.raise_for_status().json()['recording']['id']}"
+    return dict(client.get(path).json()["description"]["condition"])
+
+
+def test_a_motion_is_kept_and_implies_speed_and_period(operator: httpx.Client) -> None:
+    made = stored(operator, diagnose(operator, sound(70), motion=SINE))
+    assert made["motion"] == {**SINE, "acceleration_time_s": None, "dwell_s": 0.0}
+    assert (made["speed_rad_s"], made["motion_period_s"]) == pytest.approx((1.5 * math.pi, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("metadata", "named"),
+    [
+        ({"motion": {**SINE, "kind": "trapezoid"}}, "acceleration_time_s"),
+        ({"motion": {**SINE, "stroke": 1.0}}, "motion.stroke"),
+        ({"motion": {"kind": "sine"}}, "motion.stroke_rad"),
+        ({"motion": SINE, "speed_rad_s": 3.0}, "speed_rad_s"),
+        ({"motion": SINE, "steady": True}, "steady"),
+    ],
+)
+def test_a_motion_that_cannot_be_is_refused(operator: httpx.Client, metadata: dict[str, Any], named: str) -> None:
+    answer = diagnose(operator, sound(71), **metadata)
+    assert answer.status_code == 422
+    assert named in answer.json()["detail"]
+
+
+def test_the_motion_of_telemetry_wins_over_a_typed_one(operator: httpx.Client) -> None:
+    made = with_table(operator, table(), metadata={"speed_rad_s": 2.5, "motion_period_s": 2.01})
+    condition = stored(operator, made)
+    assert condition["motion"]["kind"] == "sine"
+    assert condition["motion"]["stroke_rad"] == pytest.approx(3.0, rel=0.01)
+    assert (condition["speed_rad_s"], condition["motion_period_s"]) == pytest.approx((4.71, 2.0), rel=0.01)
+    assert condition["reversal_times_s"] == pytest.approx([1, 2, 3, 4, 5], abs=0.02)
+    remarks = [remark for remark in made.json()["remarks"] if "telemetry" in remark]
+    assert len(remarks) == 1, "a period that differs by less than 5 % is the same"
+    assert remarks[0].startswith("speed_rad_s")
+
+
+def test_a_clock_that_begins_later_is_that_of_the_sound(operator: httpx.Client) -> None:
+    assert stored(operator, with_table(operator, table("load angle [rad]", start=2.0)))[
+        "reversal_times_s"
+    ] == pytest.approx([3, 4, 5], abs=0.02)
+
+
+def test_a_log_of_another_moment_does_not_move_the_reversals(operator: httpx.Client) -> None:
+    made = with_table(operator, table(start=2.4, late=2.4))
+    assert "reversal_times_s" not in stored(operator, made)
+    assert any("reversals of the telemetry" in remark for remark in made.json()["remarks"])
+
+
+def test_telemetry_may_be_of_the_motor_or_need_a_channel_map(operator: httpx.Client, server: LiveServer) -> None:
+    axis = {"name": "geared", "motor": {"inertia_kg_m2": 0.001}, "load": {"inertia_kg_m2": 10.0}}
+    stage = {"name": "output", "ratio": 50.0, "inertia_kg_m2": 0.1}
+    motor = table("motor_position_rad", 50.0)
+    with server.client() as admin:
+        admin.post("/api/v1/axes", json={**axis, "stages": [stage]}).raise_for_status()
+        described = {"axis": "geared", "label": "normal", "gearbox": "g70"}
+        case = with_table(admin, motor, "/api/v1/cases", metadata=described).raise_for_status().json()
+    assert case["recording"]["description"]["condition"]["motion"]["stroke_rad"] == pytest.approx(3.0, rel=0.01)
+    found = with_table(operator, motor, metadata={"axis": "geared"}).json()
+    assert any("52% of the turn of output" in remark for remark in found["remarks"])
+    columns = {"time_s": {"column": 1, "unit": "s"}, "load_position_rad": {"column": 2, "unit": "deg"}}
+    mapped = with_table(operator, table("way", 180 / math.pi), channels=columns)
+    assert stored(operator, mapped)["motion"]["stroke_rad"] == pytest.approx(3.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "content", [table("motor_position_rad"), table("angle [rad]"), b"no table", table(end=1.5)], ids=range(4)
+)
+def test_bad_telemetry_is_refused_at_its_field(operator: httpx.Client, content: bytes) -> None:
+    before = operator.get(DIAGNOSES).json()
+    answer = with_table(operator, content)
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["location"] == "telemetry"
+    assert operator.get(DIAGNOSES).json() == before
+    alone = operator.post(DIAGNOSES, files={"file": sound(70)}, data={"channels": "x"})
+    assert alone.status_code == 422
+
+
+def test_the_command_line_takes_telemetry(tmp_path: Path) -> None:
+    for name, content in (("x.wav", sound(70)), ("log.csv", table()), ("bad.csv", b"no table")):
+        (tmp_path / name).write_bytes(content)
+    words = ("diagnose", tmp_path / "x.wav", "--json", "--telemetry")
+    good, bad = (gearcase(*words, tmp_path / name, data_dir=tmp_path / "data") for name in ("log.csv", "bad.csv"))
+    assert json.loads(good.stdout)[0]["recording"]["speed_rad_s"] == pytest.approx(4.71, rel=0.01)
+    assert (bad.code, "telemetry" in json.loads(bad.stdout)[0]["error"]) == (2, True)
+    assert gearcase(*words, tmp_path / "log.csv", tmp_path / "x.wav", data_dir=tmp_path / "data").code == 2

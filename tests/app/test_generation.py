@@ -1,5 +1,6 @@
 """Generated cases: into the library once, with their origin, however often and by whomever they are generated."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from casebase.library import CaseLibrary
 from casebase.reasoning.severity import PARAMETERS
 from casebase.search.case_filter import CaseFilter
 from casebase.store.models import Case
+from sim.description.axis import Motion
 from sim.errors import ParameterError
 from sim.experiment.paper_axis import PAPER_AXIS
 from sim.experiment.scenario import MODEL_VERSION, scenario_of
@@ -67,6 +69,18 @@ def test_keys_depend_on_everything_that_is_heard(tmp_path: Path) -> None:
     library = CaseLibrary.open(tmp_path)
     assert plain == {key_of(each.scenario) for each in Campaign.from_document(CAMPAIGN.to_document()).planned()}
     library.close()
+
+
+def test_cases_follow_the_described_motion_or_any() -> None:
+    axes = [replace(PAPER_AXIS, motion=Motion(period)) for period in (4.0, 5.0, 6.0)]
+    described, any_motion = (
+        [{key_of(each.scenario) for each in Campaign(axis, COUNTS, motion=motion).planned()} for axis in axes]
+        for motion in ("described", "any")
+    )
+    assert len(set().union(*described)) == 12
+    assert len(set().union(*any_motion)) == 4
+    bare = replace(PAPER_AXIS, motion=Motion())
+    assert Campaign(bare, COUNTS).planned() == Campaign(bare, COUNTS, motion="any").planned()
 
 
 def test_wrong_campaigns_are_refused() -> None:

@@ -10,9 +10,11 @@ from casebase.library import CaseLibrary
 from casebase.store.models import Case
 from signals.condition import OperatingCondition
 from signals.features import extract
+from signals.motion_profile import MotionProfile
 from signals.reading.decode import read_recording
 
 RATE_HZ = 8000
+MOTION = MotionProfile("sine", 3.0, 2.5)
 
 
 def write_sound(path: Path, seed: int, *, duration_s: float = 3.0) -> Path:
@@ -29,7 +31,7 @@ def add_sound(
 ) -> Case:
     """Decode, extract, store and retain one file."""
     recording = read_recording(path)
-    condition = OperatingCondition(speed_rad_s=2.5, payload_kg_m2=40.0)
+    condition = OperatingCondition(speed_rad_s=2.5, payload_kg_m2=40.0, motion=MOTION)
     description = RecordingDescription(path.name, axis="axis-a", gearbox=gearbox, condition=condition)
     extraction = extract(recording, condition)
     with library.transaction("anna") as session:

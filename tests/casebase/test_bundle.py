@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from casebase.description import condition_of
 from casebase.errors import BundleError
 from casebase.library import CaseLibrary
 from casebase.search.case_filter import CaseFilter
@@ -16,7 +17,7 @@ from casebase.store.bundle import MANIFEST, SCHEMA, BundleLimits, export_cases, 
 from signals.features import EXTRACTOR_VERSION
 from signals.reading.decode import read_recording
 from signals.recording import Recording
-from tests.casebase.sounds import add_sound, write_sound
+from tests.casebase.sounds import MOTION, add_sound, write_sound
 
 
 def test_cases_survive_the_journey(library: CaseLibrary, tmp_path: Path) -> None:
@@ -41,6 +42,7 @@ def test_cases_survive_the_journey(library: CaseLibrary, tmp_path: Path) -> None
     )
     assert {case.verified_by for case in cases} == {"opened"}
     assert {case.recording.speed_rad_s for case in cases} == {2.5}
+    assert {condition_of(case.recording.description).motion for case in cases} == {MOTION}
     assert there.extractor_version == EXTRACTOR_VERSION
     other.close()
 

@@ -78,6 +78,6 @@ def add_starter(data_dir: Path) -> None:
     library = CaseLibrary.open(data_dir)
     with library.transaction("starter") as session:
         add_axis(session, PAPER_AXIS.name, PAPER_AXIS.to_mapping())
-    campaign = Campaign(PAPER_AXIS, dict.fromkeys(LABELS, PER_LABEL))
+    campaign = Campaign(PAPER_AXIS, dict.fromkeys(LABELS, PER_LABEL), motion="any")
     generate(library, campaign, processes=2, batch=f"seed {campaign.seed}", advance=lambda _: None)
     library.close()

@@ -13,7 +13,7 @@ from app.report.charts import envelope
 from app.report.diagnosis_view import evidence_of, facts_of
 from app.report.formatting import NO_BREAK, percent
 from app.report.svg import Series, line_chart
-from app.report.words import CHECKS, verdict_of
+from app.report.words import CHECKS, remarks_beside, verdict_of
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Discriminating
 
@@ -108,6 +108,14 @@ def test_of_a_recording_that_is_too_short_that_is_said_and_not_to_inspect_the_ge
 def test_a_diagnosis_of_a_short_recording_says_so_first() -> None:
     noted = {**SHORT, "severity": "note"}
     assert noted["reason"] in verdict_of(document(quality=[noted])).sure.lower()
+
+
+def test_no_fault_says_what_the_motion_cannot_show() -> None:
+    told = document(label="normal", remarks=["no fault does not cover 52% of the turn of output"], detection_limit={})
+    assert "No fault does not cover 52% of the turn of output." in verdict_of(told).sure
+    assert remarks_beside(told) == []
+    faulty = document(remarks=told["remarks"])
+    assert remarks_beside(faulty) == told["remarks"]
 
 
 def test_a_step_by_hand_begins_with_securing() -> None:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from sim.acoustics.audibility import JUST_HEARD, perform_fault
-from sim.description.axis import MechanismEntry
+from sim.description.axis import MechanismEntry, Motion
 from sim.errors import ParameterError
-from sim.experiment.design_of_experiments import DEPTH_RAD, GAP_RAD, LABELS, labels, plan
+from sim.experiment.design_of_experiments import DEPTH_RAD, GAP_RAD, LABELS, around, labels, plan
 from sim.experiment.paper_axis import PAPER_AXIS
-from sim.experiment.scenario import LOUDEST, scenario_of
+from sim.experiment.scenario import LOUDEST, scenario_of, travel_rad
 from sim.experiment.specimen import Specimen
 from sim.mechanisms import MECHANISMS
 
@@ -55,6 +55,17 @@ def test_no_drawn_difference_of_friction_drives_the_axis() -> None:
         scenario.specimen.train(scenario.specimen.built(scenario.axis, scenario.payload_kg_m2))
         sizes.add(each.size)
     assert len(sizes) > 8
+
+
+def test_a_plan_is_about_the_motion_that_is_described() -> None:
+    for motion in (Motion(4.2, 2.7, 0.3, 0.1), Motion(9.0, 1.0, 0.8, 0.5), Motion(1.4, 1.0, 0.1, 0.01)):
+        axis = replace(PAPER_AXIS, motion=motion)
+        for each in plan(axis, {"notch": 8}, operation=around(axis)):
+            drawn = each.scenario.axis.motion
+            assert 0.75 <= travel_rad(drawn) / travel_rad(motion) <= 1.1
+            assert 0.75 <= drawn.acceleration_time_s / motion.acceleration_time_s <= 1.1
+            assert 0.75 <= drawn.dwell_s / motion.dwell_s <= 1.1
+    assert around(replace(PAPER_AXIS, motion=Motion())) == ()
 
 
 def test_an_unknown_label_is_refused_with_the_nearest() -> None:
