@@ -40,6 +40,11 @@ class CachedQuery(Generic[Value]):
     about: Hashable
     work: Callable[[Session], Value]
 
+    @property
+    def key(self) -> tuple[str, Hashable, Hashable]:
+        """What is the same of all that ask the same."""
+        return self.kind, self.state, self.about
+
 
 @dataclass(frozen=True)
 class Pending:
@@ -93,9 +98,17 @@ class Beside:
         found: Value = begun.future.result()
         return found
 
+    def known(self, asked: CachedQuery[Value]) -> Value | None:
+        """Return the answer if it is there already; nothing is begun for it."""
+        begun = self._found.get(asked.key)
+        if begun is None or not begun.future.done() or begun.future.exception() is not None:
+            return None
+        found: Value = begun.future.result()
+        return found
+
     def begun(self, asked: CachedQuery[Any]) -> Pending:
         """Return what will be the answer; who asks first has it worked out."""
-        key = (asked.kind, asked.state, asked.about)
+        key = asked.key
         with self._lock:
             known = self._found.get(key)
             if known is None:

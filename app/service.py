@@ -67,6 +67,10 @@ class Service:
         """The library's cross-validation by gearbox as it is now, without a case if one is named, or what is begun."""
         return self.beside.soon(self._evaluation(session, "gearbox", origin, without))
 
+    def evaluation_known(self, session: Session) -> Evaluation | None:
+        """The same where it was worked out already."""
+        return self.beside.known(self._evaluation(session, "gearbox", "both"))
+
     def evaluation_of_axis(self, session: Session, axis: str) -> Evaluation | Pending:
         """What the library as it is now says of the held-out cases of an axis, or what is begun."""
         return self.beside.soon(self._evaluation(session, "gearbox", "both", axis=axis), wait_s=0.0)

@@ -109,11 +109,12 @@ def take(browser: Browser, url: str, key: str, picture: Picture) -> None:
     context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
     page.goto(f"{url}/sign-in")
-    page.get_by_label("Key").fill(key)
+    page.get_by_label("Key", exact=True).fill(key)
     page.get_by_role("button", name="Sign in").click()
-    page.wait_for_url(f"{url}/fleet")
+    page.get_by_role("button", name="Sign out").wait_for()
     page.goto(url + picture.page)
     if picture.first:
+        page.evaluate("document.querySelectorAll('details').forEach((one) => (one.open = true))")
         page.locator(picture.first).first.evaluate("one => one.scrollIntoView({block: 'start'})")
     page.wait_for_load_state("networkidle")
     page.wait_for_function(

@@ -1,6 +1,7 @@
 """Fixtures that every part may use: a migrated database on SQLite and on PostgreSQL, a live service."""
 
 import itertools
+import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ from casebase.store.database import create_engine_for, sqlite_url, upgrade_datab
 
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
+os.environ.setdefault("GEARCASE_LONGEST_WAIT_S", "30")  # else services of a busy machine ask tests to come again
 
 TEMPLATE = "gearcase_template"
 LONGEST_FIRST = ("field", "test_pages.py", "jobs", "test_evaluation.py", "web", "app", "investigation")

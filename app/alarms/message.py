@@ -8,7 +8,7 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 from app.report.formatting import name_of
-from app.report.words import VERDICTS, one_of
+from app.report.words import SOON, VERDICTS, one_of
 from casebase.errors import InvalidRequestError
 from casebase.store.models import Delivery
 
@@ -128,7 +128,7 @@ def _of_change(facts: Mapping[str, Any], zone: str) -> tuple[str, tuple[str, ...
         f"{subject_of(facts)}: it sounds otherwise than it did",
         (
             f"The change began about {_local(facts['began_at'], zone)}. The page of the gearbox shows what changed.",
-            "Record it again soon, in the same motion, with the same payload and the microphone at the same place.",
+            SOON,
             _rule(facts),
             "This is sent once, until this has been over.",
         ),

@@ -97,6 +97,7 @@ def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders:
     stored_rms = features_of(session, row.recording.id).get("rms") or 0.0
     shown = {name for name, chart in vars(drawn).items() if chart is not None}
     fault, verdict = earlier_fault(row, history), judged(verdict_of(document), row)
+    label = None if row.state == "rejected" else row.revised_label or row.label
     if fault is not None and verdict.label in BASELINES:
         headline = f"{verdict.headline} in this recording: it does not clear the gearbox"
         verdict = replace(verdict, headline=headline, label=None, checks=steps_after(fault))
@@ -115,7 +116,7 @@ def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders:
         "remarks": [sentence(remark) for remark in remarks_beside(document)],
         "charts": drawn,
         "marks": {
-            "knock": event_times(session, row.recording, row.revised_label or row.label),
+            "knock": event_times(session, row.recording, label) if label not in (None, *BASELINES) else (),
             "reversal": [] if found is None else [marker.x for marker in draw.reversals(found)],
         },
         "polar": polar,

@@ -70,10 +70,10 @@ def sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}" if "\n" in text else f"{text[:1].upper()}{text[1:].removesuffix('.')}."
 
 
-def in_series(words: Iterable[str]) -> str:
+def in_series(words: Iterable[str], joined: str = "and") -> str:
     """Write words as a series: "no fault, tooth damage and backlash"."""
     *others, last = words
-    return f"{', '.join(others)} and {last}" if others else last
+    return f"{', '.join(others)} {joined} {last}" if others else last
 
 
 @lru_cache(maxsize=256)

@@ -7,10 +7,11 @@ from zoneinfo import ZoneInfo
 
 from markupsafe import Markup
 
-from app.report.formatting import NO_BREAK, in_series, name_of, person, shape, term
+from app.report.formatting import in_series, name_of, person, shape, term
 from app.report.words import (
     ALIKE,
     CHECKS,
+    GO_ON,
     REPAIR,
     SOON,
     checks_of,
@@ -164,7 +165,7 @@ def steps_after(fault: NamedFault) -> tuple[str, ...]:
     wanted = 0 if fault.found else max(fault.still_asked_for, 0)
     good = f"Record it again: after {wanted} more that sound{'s' if wanted == 1 else ''} good it counts as good."
     faults = dict.fromkeys(checks_of(None, one.label or "")[0] for one in reversed(fault.named))
-    return (*faults, *((good,) if wanted else ()), REJECT)
+    return (*faults, *((good,) if wanted else ()), REJECT, GO_ON)
 
 
 def next_steps(standing: Standing | None, document: Document | None = None) -> tuple[str, ...]:
@@ -226,9 +227,6 @@ def day(at: datetime | None, zone: str) -> str:
 
     >>> from datetime import UTC
     >>> day(datetime(2026, 11, 9, 23, 30, tzinfo=UTC), "Europe/Stockholm")
-    '10\\xa0Nov\\xa02026'
+    '2026-11-10'
     """
-    if at is None:
-        return "an unknown day"
-    local = at.astimezone(ZoneInfo(zone))
-    return NO_BREAK.join((str(local.day), f"{local:%b}", f"{local:%Y}"))
+    return "an unknown day" if at is None else f"{at.astimezone(ZoneInfo(zone)):%Y-%m-%d}"

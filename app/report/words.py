@@ -41,7 +41,7 @@ TOO_POOR = "the recording is too poor"
 TOO_SHORT = ("too_short", "the recording covers less than")
 """A quality flag or a remark that begins so says that the recording is too short."""
 EMPTY = "the library has no case to compare with"
-ONE_LABEL, TOO_FEW = "the library knows one label alone", "too few gearboxes of"
+ONE_LABEL, TOO_FEW, SUREST = "the library knows one label alone", "too few gearboxes of", "more labelled recordings"
 VERDICTS = WORDS["verdicts"]
 """The one word of the pages for each verdict of a document."""
 NOT_COMPARED = "no regular motion is found"
@@ -52,13 +52,14 @@ RECORD_AGAIN = (
     "Record it again for 20 s or more and three cycles of the motion or more, with the microphone at the gearbox."
 )
 REPAIR = "Plan its repair or exchange, and note it on the page of the gearbox when it is done."
-ALIKE = "in the same motion, with the same payload and the microphone at the same place"
+ALIKE = "with the same motion, payload and place of the microphone"
 SOON = f"Record it again soon, {ALIKE}."
 OTHER_CHECKS = ("Have the gearbox inspected at its next stop.", SOON)
 UNKNOWN_CHECKS = (
     f"Record it again, {ALIKE}, to rule out a disturbance.",
     "If the sound is the same, have the gearbox inspected, and add what was found as a case with its label.",
 )
+GO_ON = "Plan an inspection: how long it can still run is not measured."
 EMPTY_CHECKS = ("Add recordings of which it is known what they are, or have cases simulated; then diagnose it again.",)
 
 
@@ -281,11 +282,11 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
             return _not_in_library(document)
         case "ambiguous":
             return _undecided(document)
-    label, good = document["label"], document["label"] == "normal"
+    label, good = document["label"], document["label"] in BASELINES
     present = " and ".join(name_of(fault["label"]) for fault in document["faults"]) or name_of(label)
     headline = "No fault indicated" if good else f"Fault likely: {present}"
     short = tuple(flag["reason"] for flag in document["quality"] if flag["name"].startswith(TOO_SHORT))
-    noted = (*short, *(_remarks(document, NOT_COVERED) if good else ()))
+    noted = (*short, *_remarks(document, SUREST), *(_remarks(document, NOT_COVERED) if good else ()))
     sure = f"{sure_words(document)}{limits_of(document) if good else _size(document)}".strip()
     sure += "".join(f" {sentence(reason)}" for reason in noted)
     rest = f"{_left(document)}{_support(document)}"
@@ -309,7 +310,7 @@ def why(document: Mapping[str, Any], labels: Sequence[str]) -> str:
     """Say in one sentence what speaks most for these labels of a diagnosis."""
     if time_in_cycle(document, document["label"]):
         where = "in one direction alone" if document["label"] == "notch" else "around its reversals"
-        return f"An impact comes in every cycle of the motion, {where}."
+        return f"An impact comes in each recorded cycle, {where}."
     if not labels:
         return ""
     return f"Of all known cases it sounds most like those of {' and of '.join(map(name_of, labels))}."
@@ -343,8 +344,10 @@ def time_in_cycle(document: Mapping[str, Any], label: str | None) -> str:
 
 def checks_of(document: Mapping[str, Any] | None, label: str) -> tuple[str, ...]:
     """Return what a label asks for, with the time at which its impact comes where a diagnosis found that."""
+    if label in BASELINES:
+        return CHECKS["normal"]
     place = time_in_cycle(document, label) if document else ""
-    return tuple(check.replace(PLACE, place or PLACE) for check in CHECKS.get(label, OTHER_CHECKS))
+    return (*(check.replace(PLACE, place or PLACE) for check in CHECKS.get(label, OTHER_CHECKS)), GO_ON)
 
 
 def _again(document: Mapping[str, Any]) -> tuple[str, ...]:
@@ -389,8 +392,9 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
     left = "" if _knows_one_label(document) else _left(document)
     sure = " ".join(map(sentence, reasons)) if limit else border.strip()
     # what tells two faults apart is what each asks for first; that nothing is to be done cannot be said yet
-    faults = [checks_of(document, label) for label in likely if label != "normal"]
-    asked = [check for checks in faults for check in (checks if len(faults) == 1 else checks[:1])]
+    faults = [checks_of(document, label) for label in likely if label not in BASELINES]
+    asked = [check for checks in faults for check in (checks[:-1] if len(faults) == 1 else checks[:1])]
+    asked += [GO_ON] if found else []
     headline = f"Undecided: {names}"
     if limit:
         headline = f"Undecided: the recording is {limit}{f' to say which fault, {names}' if found else ''}"
@@ -417,7 +421,7 @@ def _limit(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
 
 def _border(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
     """Say which border an undecided answer missed, and return the remarks that this says."""
-    told = _remarks(document, (ONE_LABEL, TOO_FEW))
+    told = _remarks(document, (ONE_LABEL, TOO_FEW, SUREST))
     why = "".join(f"{sentence(remark)} " for remark in told)
     sure = sure_of(document)
     if sure and document["probability"] < DIAGNOSED_FROM:

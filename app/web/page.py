@@ -151,20 +151,21 @@ def render(
     template: str,
     context: Mapping[str, object],
     *,
-    principal: Principal | None,
     section: str = "",
     messages: tuple[Message, ...] = (),
     status: int = 200,
 ) -> HTMLResponse:
     """Fill a page's template; everything a value holds is escaped."""
-    service = service_of(request)
+    service, principal = service_of(request), known(request)
     root, zone = root_of(service), service.settings.time_zone
     nonce = secrets.token_urlsafe(12)
-    navigation = [
-        (href, words, key)
-        for href, words, key, role in NAVIGATION
-        if principal is not None and principal.role.may(type(principal.role)(role))
-    ]
+
+    if request.query_params.get("undone"):
+        messages = (*messages, Message("Taken back: all is as it was before."))
+
+    def may(role: str) -> bool:
+        return principal is not None and principal.role.may(Role(role))
+
     given: dict[str, object] = {
         "root": root,
         "request_path": request.url.path,
@@ -172,13 +173,15 @@ def render(
         "nonce": nonce,
         "csrf": csrf_token(request.cookies.get(COOKIE, "")) if principal else "",
         "principal": principal,
-        "may_operate": principal is not None and principal.role.may(type(principal.role)("operator")),
-        "may_admin": principal is not None and principal.role.may(type(principal.role)("admin")),
-        "navigation": navigation,
+        "may_operate": may("operator"),
+        "may_admin": may("admin"),
+        "navigation": [(href, words, key) for href, words, key, role in NAVIGATION if may(role)],
         "section": section,
         "messages": messages,
         "zone": zone,
         "units_of": units_of,
+        "verdicts": WORDS["verdicts"],
+        "ways": WORDS["verifications"],
         "at": lambda value: instant(value, zone),
     }
     page = ENVIRONMENT.get_template(template).render({**given, **context})
@@ -193,8 +196,9 @@ def root_of(service: Service) -> str:
 
 def checked_form(model: type[Asked], given: Mapping[str, object]) -> Asked:
     """Return what a form asks for, as the interface for programs would take it; what was left empty is not given."""
+    asked = {name: given[name] for name in model.model_fields if given.get(name) not in ("", None)}
     try:
-        return model.model_validate({name: value for name, value in given.items() if value not in ("", None)})
+        return model.model_validate(asked)
     except ValidationError as error:
         raise validation_problem(error.errors(include_url=False), "The form") from None
 
@@ -258,37 +262,16 @@ def listing(request: Request, session: Session, known: Select[Any] | Sequence[An
     return Listing(rows[first : first + ROWS + 1], first, [*columns], asked, len(rows))
 
 
-def waiting_page(
-    request: Request,
-    principal: Principal,
-    begun: Pending,
-    title: str,
-    words: str,
-    basis: str,
-    *,
-    section: str = "/library",
-    tab: str = "",
-    crumb: tuple[str, str] | None = None,
-) -> HTMLResponse:
+def waiting_page(request: Request, begun: Pending, *, section: str = "/library", **about: object) -> HTMLResponse:
     """Say what is being worked out, how far it is, and ask again.
 
     Args:
-        title: of the page that will stand here.
-        words: what it will say.
-        basis: what it is worked out from, and how often.
-        tab: of the library, if it is one.
-        crumb: path and words of the page above it, if there is one.
+        about: `title` and `words` of the page that will stand here; `basis`, what it is worked out from, and how often;
+            `tab` of the library, if it is one; `crumb`, path and words of the page above it, if there is one.
     """
-    context = {
-        "begun": begun,
-        "title": title,
-        "words": words,
-        "tab": tab,
-        "crumb": crumb,
-        "basis": basis,
-        "again": f"{below_root(request)}{f'?{request.url.query}' if request.url.query else ''}",
-    }
-    return render(request, "waiting.html", context, principal=principal, section=section)
+    again = f"{below_root(request)}{f'?{request.url.query}' if request.url.query else ''}"
+    context = {"tab": "", "crumb": None, "begun": begun, "again": again, **about}
+    return render(request, "waiting.html", context, section=section)
 
 
 def of_library(service: Service, session: Session) -> str:
@@ -352,7 +335,6 @@ def _is_problem(message: types.Message) -> bool:
 async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, started: types.Message) -> None:
     request, status = Request(scope), int(started["status"])
     problem = json.loads(body)
-    principal = getattr(request.state, "principal", None)
     came_from = request.headers.get("referer", "")
     context = {
         "title": problem.get("title", ""),
@@ -360,7 +342,7 @@ async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, s
         "status": status,
         "back": came_from if came_from.startswith(str(request.base_url)) else "",
     }
-    page = render(request, "error.html", context, principal=principal, status=status)
+    page = render(request, "error.html", context, status=status)
     if again := Headers(raw=started["headers"]).get("retry-after"):
         page.headers["Retry-After"] = again
     await page(scope, receive, send)
@@ -376,4 +358,4 @@ async def ask_which_label(request: Request, error: Exception) -> HTMLResponse:
     form = (await request.form()).multi_items()
     given = [(name, value) for name, value in form if name not in ("csrf", "label", "another", "sure")]
     context = {"question": error, "path": below_root(request), "given": given}
-    return render(request, "label.html", context, principal=known(request), section="/diagnoses")
+    return render(request, "label.html", context, section="/diagnoses")

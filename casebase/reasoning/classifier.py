@@ -40,14 +40,17 @@ class Calibration:
     """How often an answer of a score is right: logit p = offset + slope * score.
 
     Args:
-        most: the largest probability that as many answers allow.
         observations: how many answers it was learned from.
     """
 
     offset: float = 0.0
     slope: float = 1.0
-    most: float = 0.5
     observations: int = 0
+
+    @property
+    def most(self) -> float:
+        """The largest probability that as many answers allow."""
+        return 1 - 1 / (self.observations + 2)
 
     def probability(self, score: float) -> float:
         """Return how probable an answer of this score (log odds) is right."""
@@ -67,7 +70,7 @@ class Calibration:
             return float((np.logaddexp(0, logit) - right * logit).sum() + 0.5 * (offset**2 + bend**2))
 
         offset, bend = minimize(loss, np.zeros(2)).x
-        return cls(float(offset), float(TUNING.usual_slope * np.exp(bend)), 1 - 1 / (scores.size + 2), scores.size)
+        return cls(float(offset), float(TUNING.usual_slope * np.exp(bend)), scores.size)
 
 
 @dataclass(frozen=True, eq=False)

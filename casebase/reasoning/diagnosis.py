@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from casebase.labels import BASELINES
-from casebase.reasoning.classifier import Classifier, log_odds, weights_for
+from casebase.reasoning.classifier import Calibration, Classifier, log_odds, weights_for
 from casebase.reasoning.explanation import Evidence, feature_evidence, motion_evidence, novelty_evidence
 from casebase.reasoning.novelty import Likeness, follow_motion, likenesses, nearly_all_move
 from casebase.reasoning.priors import prior_weights
@@ -347,13 +347,17 @@ class Reasoner:
 
     def _remarks(self, extraction: Extraction, judgement: Judgement, model: _Model) -> list[str]:
         """Return what limits the answer."""
-        best, few, table = judgement.best.label, [], self.table
+        best, few, table = judgement.best, [], self.table
         unused = int(np.count_nonzero((table.origins == "simulated") & ~model.counting))
+        answers = 0
         if model.classifier is not None:
+            answers = model.classifier.held_out.truth.size
             counts = np.bincount(model.classifier.held_out.truth, minlength=len(model.classifier.classes))
             few = [
                 each for each, count in zip(model.classifier.classes, counts, strict=True) if count < FEWEST_FOR_P_VALUE
             ]
+        most = Calibration(observations=answers).most
+        surest = 0.5 < most < 0.995 and max(best.probability, judgement.fault or 0) > most - 1e-9
         remarks = (
             (
                 model.classifier is None,
@@ -375,7 +379,7 @@ class Reasoner:
             ),
             (
                 judgement.novel and not judgement.still,
-                f"the nearest cases are {best}, but the recording is unlike them: it may be a fault "
+                f"the nearest cases are {best.label}, but the recording is unlike them: it may be a fault "
                 "that the library does not know, another machine or another recorder",
             ),
             (
@@ -387,7 +391,8 @@ class Reasoner:
                 len(table.gearboxes_known) < 2,
                 "fewer than two gearboxes are known, so probabilities are not calibrated across gearboxes",
             ),
-            (judgement.p_value is None, f"too few gearboxes of {best} are known to say what is unlike them"),
+            (surest and not judgement.novel, "more labelled recordings could make it surer"),
+            (judgement.p_value is None, f"too few gearboxes of {best.label} are known to say what is unlike them"),
         )
         return [words for holds, words in remarks if holds]
 

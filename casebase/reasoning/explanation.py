@@ -175,7 +175,7 @@ def _cyclic(extraction: Extraction, kind: EventKind, period_s: float) -> list[Ev
     strongest = max(events, key=lambda event: event.strength_db)
     start = next(iter(extraction.motion.reversal_times_s), 0.0)
     phase_deg = (strongest.time_s - start) / period_s * 360.0 % 360.0
-    what = "an impact in every cycle" if kind is EventKind.NOTCH else "an impact where the torque reverses"
+    what = "an impact in each recorded cycle" if kind is EventKind.NOTCH else "an impact where the torque reverses"
     statement = (
         f"{what}, {strongest.strength_db:.1f} dB above its surroundings, at {strongest.time_s:.2f} s, "
         f"which is {phase_deg / 360.0 * period_s:.2f} s into the motion's cycle after the first reversal, a phase of "

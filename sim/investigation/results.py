@@ -66,6 +66,10 @@ class Finding:
         return self.evidence is not None
 
 
+class Limit(str):
+    """A remark that limits every finding, and stands beside them."""
+
+
 @dataclass(frozen=True)
 class Investigation:
     """What the simulation gets wrong, why, and what the extension gained; `document()` is the contract's JSON."""
@@ -115,6 +119,7 @@ class Investigation:
             "extended_axis": self.extended.to_mapping(),
             "rejected": [{"mechanism": name, "gain": rounded(gain)} for name, gain in self.rejected],
             "remarks": list(self.remarks),
+            "limits": [one for one in self.remarks if isinstance(one, Limit)],
             "provenance": dict(self.provenance),
             **({} if self.acoustic is None else
                {"examined": list(self.examined), "not_examined": dict(self.not_examined)}),

@@ -44,13 +44,6 @@ def diagnose(client: httpx.Client, content: bytes, name: str = "x.wav", **metada
     return client.post(DIAGNOSES, files={"file": (name, content)}, data={"metadata": json.dumps(metadata)})
 
 
-def test_one_curl(operator: httpx.Client) -> None:
-    """As in the README: one file, nothing else."""
-    answer = operator.post(DIAGNOSES, files={"file": sound(7, impacts=True)})
-    assert answer.status_code == 201
-    assert operator.get(answer.headers["location"]).json() == answer.json()
-
-
 def test_curl_of_the_readme(server: LiveServer, tmp_path: Path) -> None:
     if shutil.which("curl") is None:
         pytest.skip("no curl here")
@@ -67,7 +60,9 @@ def test_curl_of_the_readme(server: LiveServer, tmp_path: Path) -> None:
 
 
 def test_answer_is_the_contract(operator: httpx.Client) -> None:
-    answer = diagnose(operator, sound(8, impacts=True), speed_rad_s=2.5).json()
+    made = diagnose(operator, sound(8, impacts=True), speed_rad_s=2.5)
+    answer = made.json()
+    assert operator.get(made.headers["location"]).json() == answer
     assert answer["verdict"] in ("diagnosed", "ambiguous", "not_in_library", "unusable")
     assert {each["label"] for each in answer["hypotheses"]} == {"normal", "notch"}
     for each in answer["hypotheses"]:

@@ -90,7 +90,7 @@ def test_a_fault_in_any_page_is_a_page(
     """HTML with the words of the problem document, its status, headers and id."""
     for name in ("app.web.pages.admin.principal_of", "app.web.page.signed_in"):
         monkeypatch.setattr(name, fail)
-    monkeypatch.setitem(service.app.dependency_overrides, visitor, fail_as_a_dependency)
+    monkeypatch.setitem(service.app.dependency_overrides, visitor, lambda: fail())
     form = {"data": {"key": "gearcase_x"}} if method == "POST" else {}
     answer = service.browse(method, address(path), **form)
     assert answer.status_code == 500, answer.text
@@ -103,10 +103,6 @@ def test_a_fault_in_any_page_is_a_page(
     same = service.browse(method, address(path), headers={"Accept": "application/json"}, **form).json()
     assert (same["status"], same["title"]) == (500, FAULT)
     assert same["detail"].removesuffix(".") in text
-
-
-def fail_as_a_dependency() -> None:
-    fail()
 
 
 def test_a_fault_while_a_page_is_filled_is_a_page_that_still_leads_on(

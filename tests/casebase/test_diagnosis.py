@@ -65,6 +65,12 @@ def test_copies_of_a_case_do_not_change_its_diagnosis(table: CaseTable, row: int
     assert probabilities(one) == pytest.approx(probabilities(three), abs=0.05)
 
 
+def test_as_sure_as_the_cases_allow_is_said(table: CaseTable) -> None:
+    found = Reasoner(table).diagnose(heard("normal", 70), axis="axis")
+    assert found.probability == pytest.approx(1 - 1 / (len(table) + 2))
+    assert any("surer" in each for each in found.remarks)
+
+
 def test_a_library_of_one_label_says_so(table: CaseTable) -> None:
     known = table.take(table.labels == "normal")
     found = Reasoner(known).diagnose(heard("normal", 70))

@@ -58,8 +58,9 @@ def test_a_folder_becomes_cases_and_one_undo_takes_all_back(opened: Opened, site
         expect(page.locator("[data-found]:empty")).to_have_count(0, timeout=120_000)
         expect(rows.first.locator("[data-found]")).to_contain_text("Cycle of")
         row = rows.filter(has_text="g13/pitting 2.wav")
-        page.once("dialog", lambda asked: asked.accept("Scored face"))
         row.get_by_label("Label of").select_option("+")
+        page.get_by_role("textbox", name="Name of the new label").fill("Scored face")
+        page.keyboard.press("Enter")
         expect(row.get_by_label("Label of")).to_have_value("scored_face")
         page.get_by_label("Verified, the same for all").select_option("opened")
         expect(page.locator("input[name=recorded_at][value='']")).to_have_count(0)
@@ -147,9 +148,11 @@ def test_several_dropped_recordings_of_an_operator_are_diagnosed(opened: Opened,
     with opened("operator", "/library") as page:
         drop(page, *sorted((folder / "axis 9" / "g11").glob("good *")))
         expect(page.locator(".many select[name=label]")).to_have_count(0)
-        page.on("dialog", lambda asked: asked.accept("G-1" if asked.type == "prompt" else ""))
         lists = page.locator(".many td select[name=gearbox]")
         lists.first.select_option("+")
+        page.get_by_role("textbox", name="Name of the new gearbox").fill("G-1")
+        page.keyboard.press("Enter")
+        page.get_by_role("textbox", name="No gearbox G-1 is known").press("Enter")
         expect(lists.first).to_have_value("g1")  # is asked about, not taken as another
         expect(page.locator(".primary:visible")).to_have_count(1)
         page.get_by_role("button", name="Diagnose all").click()

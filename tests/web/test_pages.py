@@ -125,6 +125,7 @@ def test_evaluation_with_simulated_cases_stands_beside_that_without(site: Site) 
     with browsing(site, "viewer") as client:
         both = Markup(worked_out(client.get, "/library/evaluation"))
         alone = Markup(worked_out(client.get, "/library/evaluation?origin=measured"))
+        assert "right in <a" in client.get("/library").text
     with site.server.client("viewer") as client:
         document = client.get("/api/v1/library/evaluation").json()
     assert "without" in both.ids

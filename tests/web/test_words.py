@@ -13,24 +13,25 @@ from app.report.charts import envelope
 from app.report.diagnosis_view import evidence_of, facts_of
 from app.report.formatting import NO_BREAK, percent
 from app.report.svg import Series, line_chart
-from app.report.words import CHECKS, remarks_beside, verdict_of
+from app.report.words import CHECKS, GO_ON, remarks_beside, verdict_of
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Discriminating
 
 
+def hypotheses(*probabilities: float) -> list[dict[str, Any]]:
+    """Notch, play, and normal, which is excluded."""
+    given = zip(("notch", "play", "normal"), probabilities, (0.9, 0.2, 0.01), strict=True)
+    support = {"measured": 2, "simulated": 3}
+    return [{"label": label, "probability": p, "p_value": q, "support": support} for label, p, q in given]
+
+
 def document(**changes: object) -> dict[str, Any]:
     """A diagnosis of a notch with a size, a rejected rival and one that is still possible."""
-    support = {"measured": 2, "simulated": 3}
-    hypotheses = [
-        {"label": "notch", "probability": 0.9, "p_value": 0.9, "support": support},
-        {"label": "play", "probability": 0.08, "p_value": 0.2, "support": support},
-        {"label": "normal", "probability": 0.02, "p_value": 0.01, "support": support},
-    ]
     return {
         "verdict": "diagnosed",
         "label": "notch",
         "probability": 0.9,
-        "hypotheses": hypotheses,
+        "hypotheses": hypotheses(0.9, 0.08, 0.02),
         "fault": {"present": None, "probability": None},
         "labels": ["notch"],
         "faults": [{"label": "notch", "probability": 0.9}],
@@ -57,16 +58,10 @@ def test_how_sure_is_in_per_cent_and_says_where_not_calibrated(gearboxes: int, d
 
 def undecided(**changes: object) -> dict[str, Any]:
     """A fault for sure, of which the library cannot tell whether it is a notch or play."""
-    support = {"measured": 2, "simulated": 3}
-    hypotheses = [
-        {"label": "notch", "probability": 0.897, "p_value": 0.9, "support": support},
-        {"label": "play", "probability": 0.1, "p_value": 0.2, "support": support},
-        {"label": "normal", "probability": 0.003, "p_value": 0.01, "support": support},
-    ]
     given: dict[str, Any] = {
         "verdict": "ambiguous",
         "probability": 0.897,
-        "hypotheses": hypotheses,
+        "hypotheses": hypotheses(0.897, 0.1, 0.003),
         "fault": {"present": True, "probability": 0.97},
         "labels": ["notch", "play"],
         "severity": None,
@@ -116,6 +111,11 @@ def test_no_fault_says_what_the_motion_cannot_show() -> None:
     assert remarks_beside(told) == []
     faulty = document(remarks=told["remarks"])
     assert remarks_beside(faulty) == told["remarks"]
+
+
+def test_of_a_fault_it_is_open_whether_the_robot_may_go_on() -> None:
+    assert all(GO_ON in verdict_of(each).checks for each in (document(), undecided(), document(label="pitting")))
+    assert GO_ON not in verdict_of(document(label="normal", detection_limit={})).checks
 
 
 def test_a_step_by_hand_begins_with_securing() -> None:

@@ -24,13 +24,13 @@ from app.fleet import settle
 from app.http import keys
 from app.http.errors import Forbidden, NotAuthenticated, NotFound, Unprocessable
 from app.http.keys import Role
-from app.http.security import COOKIE, FORM_COOKIE, Principal, check_csrf, client_of, csrf_token, principal_of
+from app.http.security import COOKIE, FORM_COOKIE, check_csrf, client_of, csrf_token, principal_of
 from app.http.sessions import LASTS, end_session, open_session
 from app.jobs.jobs import ORDERED, job_of
 from app.report.formatting import WORDS
-from app.report.words import VERDICTS, investigation_headline
+from app.report.words import investigation_headline
 from app.service import Reading, Service, TheJobs, TheService, service_of
-from app.web.forms import choices, number
+from app.web.forms import Fields, choices, number
 from app.web.page import (
     ROWS,
     FromOurPage,
@@ -62,27 +62,26 @@ CHANGES: dict[tuple[str, str], tuple[Callable[[Session, str], object], str]] = {
     ("deliveries", "retry"): (outbox.send_now, "#outbox"),
 }
 """What is done to one row of the page, by what it is and what its button says: with it, and where it leads."""
-OptionalText = Annotated[str, Form()]
 
 
 @router.get("/jobs")
-def job_list(request: Request, session: Reading, jobs: TheJobs, principal: PageOperator) -> Response:
+def job_list(request: Request, session: Reading, jobs: TheJobs, _: PageOperator) -> Response:
     """The jobs, newest first, and the workers that run them."""
     columns = {"kind": StoredJob.kind, "state": StoredJob.state, "by": StoredJob.submitted_by}
     found = listing(request, session, ORDERED, **columns)
     context = {"list": found, "jobs": [job_of(row) for row in found.rows], "workers": jobs.workers()}
-    return render(request, "jobs.html", context, principal=principal, section="/jobs")
+    return render(request, "jobs.html", context, section="/jobs")
 
 
 @router.get("/jobs/{job_id}")
-def job(request: Request, service: TheService, jobs: TheJobs, principal: PageOperator, job_id: str) -> Response:
+def job(request: Request, service: TheService, jobs: TheJobs, _: PageOperator, job_id: str) -> Response:
     """One job, live."""
     shown = jobs.get(job_id)
     with service.library.reading() as session:
         row = session.get(StoredInvestigation, job_id) if shown.kind == "investigations" else None
         document = row.document if row is not None else None
         found = {"headline": investigation_headline(document), "box": box_of_row(row)} if row and document else None
-    return render(request, "job.html", {"job": shown, "found": found}, principal=principal, section="/jobs")
+    return render(request, "job.html", {"job": shown, "found": found}, section="/jobs")
 
 
 @router.post("/jobs/{job_id}/cancel", dependencies=[FromOurPage])
@@ -100,29 +99,21 @@ def resume(service: TheService, jobs: TheJobs, _: PageOperator, job_id: str) -> 
 
 
 @router.get("/keys")
-def key_list(request: Request, session: Reading, principal: PageAdmin) -> Response:
+def key_list(request: Request, session: Reading, _: PageAdmin) -> Response:
     """Every key that was ever made, by name; never the keys themselves."""
     context = {"rows": keys.list_keys(session), "made": None, "roles": list(Role)}
-    return render(request, "keys.html", context, principal=principal, section="/keys")
+    return render(request, "keys.html", context, section="/keys")
 
 
 @router.post("/keys", dependencies=[FromOurPage])
-def key_create(
-    request: Request,
-    service: TheService,
-    principal: PageAdmin,
-    name: Annotated[str, Form()],
-    role: Annotated[str, Form()],
-) -> Response:
+def key_create(request: Request, service: TheService, principal: PageAdmin, fields: Fields) -> Response:
     """Make a key and show it, this once."""
-    if role not in list(Role):
-        raise Unprocessable(f"The role must be one of {', '.join(Role)}, got {role!r}.")
-    asked = checked_form(KeyRequest, {"name": name, "role": role})
+    asked = checked_form(KeyRequest, fields)
     with service.library.transaction(principal.actor) as session:
         _, key = keys.create_key(session, name=asked.name, role=asked.role)
     with service.library.reading() as session:
         context = {"rows": keys.list_keys(session), "made": key, "roles": list(Role)}
-        return render(request, "keys.html", context, principal=principal, section="/keys")
+        return render(request, "keys.html", context, section="/keys")
 
 
 @router.post("/keys/{key_id}/revoke", dependencies=[FromOurPage])
@@ -136,17 +127,17 @@ def key_revoke(service: TheService, principal: PageAdmin, key_id: str, sure: Ann
 
 
 @router.get("/docs")
-def docs(request: Request, principal: Visitor) -> Response:
+def docs(request: Request, _: Visitor) -> Response:
     """The interface for programs: found, read and tried out, with the session of whoever is signed in."""
-    return render(request, "docs.html", {"address": str(request.base_url).rstrip("/")}, principal=principal)
+    return render(request, "docs.html", {"address": str(request.base_url).rstrip("/")})
 
 
 @router.get("/audit")
-def audit_log(request: Request, session: Reading, principal: PageAdmin) -> Response:
+def audit_log(request: Request, session: Reading, _: PageAdmin) -> Response:
     """Who did what to which, newest first."""
     columns = {"who": AuditEntry.actor, "what": AuditEntry.action, "subject": AuditEntry.subject_id}
     found = listing(request, session, select(AuditEntry), **columns)
-    return render(request, "audit.html", {"list": found}, principal=principal, section="/audit")
+    return render(request, "audit.html", {"list": found}, section="/audit")
 
 
 @router.get("/audit.csv")
@@ -176,9 +167,9 @@ def harmless(cell: str) -> str:
 
 
 @alarms.get("")
-def alarms_page(request: Request, session: Reading, service: TheService, principal: PageAdmin) -> Response:
+def alarms_page(request: Request, session: Reading, service: TheService, _: PageAdmin) -> Response:
     """Everything about alarms on one page."""
-    return render(request, "alarms.html", _context(session, service), principal=principal, section=ALARMS)
+    return render(request, "alarms.html", _context(session, service), section=ALARMS)
 
 
 def _context(session: Reading, service: Service, made: str | None = None) -> dict[str, object]:
@@ -202,7 +193,6 @@ def _context(session: Reading, service: Service, made: str | None = None) -> dic
         "shown_address": outbox.shown_address,
         "deliveries": [(row, message_of(row, settings.time_zone, settings.public_url).subject) for row in deliveries],
         "shown": ROWS,
-        "verdicts": VERDICTS,
         "kinds": WORDS["receivers"],
         "missing": {kind: name for kind, (name, url) in servers.items() if url is None},
         "labels": choices(label for label, _ in service.counts(session)),
@@ -210,19 +200,9 @@ def _context(session: Reading, service: Service, made: str | None = None) -> dic
 
 
 @alarms.post("/receivers", dependencies=[FromOurPage])
-def create_receiver(
-    request: Request,
-    service: TheService,
-    principal: PageAdmin,
-    name: Annotated[str, Form()],
-    kind: Annotated[str, Form()],
-    address: Annotated[str, Form()],
-    quiet_from: OptionalText = "",
-    quiet_to: OptionalText = "",
-) -> Response:
+def create_receiver(request: Request, service: TheService, principal: PageAdmin, fields: Fields) -> Response:
     """Make a receiver; the secret of a webhook is shown this once."""
-    given = {"name": name, "kind": kind, "address": address.strip(), "quiet_from": quiet_from, "quiet_to": quiet_to}
-    asked = checked_form(ReceiverRequest, given)
+    asked = checked_form(ReceiverRequest, fields)
     check_receiver(service.settings, asked.kind, asked.address)
     with service.library.transaction(principal.actor) as session:
         row = outbox.add_receiver(session, asked.name, asked.kind, asked.address, asked.quiet)
@@ -231,48 +211,27 @@ def create_receiver(
         return lead(service, ALARMS)
     with service.library.reading() as session:
         context = _context(session, service, secret)
-        return render(request, "alarms.html", context, principal=principal, section=ALARMS)
+        return render(request, "alarms.html", context, section=ALARMS)
 
 
 @alarms.post("/rules", dependencies=[FromOurPage])
 def create_rule(
     service: TheService,
     principal: PageAdmin,
-    name: Annotated[str, Form()],
-    kind: Annotated[str, Form()],
+    fields: Fields,
     receivers: Annotated[list[str] | None, Form()] = None,
-    axis: OptionalText = "",
-    gearbox: OptionalText = "",
-    new_axis: OptionalText = "",
-    new_gearbox: OptionalText = "",
-    verdict: OptionalText = "",
-    label: OptionalText = "",
-    least_probability: OptionalText = "",
-    least_size_mrad: OptionalText = "",
-    silent_days: OptionalText = "",
 ) -> Response:
     """Make a rule."""
     if not receivers:
         raise Unprocessable("Say who gets the message: tick a receiver. Without one, make one first.")
-    per_cent, mrad = _number("How sure [%]", least_probability), _number("The size [mrad]", least_size_mrad)
-    asked = checked_form(
-        RuleRequest,
-        {
-            "name": name,
-            "kind": kind,
-            "receivers": receivers,
-            "axis": axis.strip(),
-            "gearbox": gearbox.strip(),
-            "verdict": verdict,
-            "label": label.strip(),
-            "least_probability": None if per_cent is None else per_cent / 100,
-            "least_size_rad": None if mrad is None else mrad / 1000,
-            "silent_days": _number("The days of silence", silent_days),
-        },
-    )
+    numbers = {
+        "least_probability": _number("How sure [%]", fields.get("least_probability"), 100),
+        "least_size_rad": _number("The size [mrad]", fields.get("least_size_mrad"), 1000),
+        "silent_days": _number("The days of silence", fields.get("silent_days")),
+    }
+    asked = checked_form(RuleRequest, {**fields, **numbers, "receivers": receivers})
     with service.library.transaction(principal.actor) as session:
-        named = {"axis": asked.axis, "gearbox": asked.gearbox}
-        check_place(session, {**named, "new_axis": new_axis, "new_gearbox": new_gearbox})
+        check_place(session, fields)
         rules.add_rule(session, asked.name, asked.condition(), asked.receivers)
     settle(service.library, service.fleet, at_once=True)
     return lead(service, ALARMS)
@@ -289,8 +248,8 @@ def change_alarms(service: TheService, principal: PageAdmin, noun: str, identity
     return lead(service, f"/alarms{done[1]}")
 
 
-def _number(label: str, text: str) -> float | None:
-    return number(label, text) if text.strip() else None
+def _number(label: str, text: str | None, of_one: float = 1) -> float | None:
+    return number(label, text) / of_one if text else None
 
 
 def _local(path: str) -> str:
@@ -299,17 +258,14 @@ def _local(path: str) -> str:
 
 
 @router.get("/sign-in")
-def sign_in_page(request: Request, principal: Visitor, next: str = "/") -> Response:
+def sign_in_page(request: Request, _: Visitor, next: str = "/") -> Response:
     """Ask for a key."""
-    return _form(request, next, principal)
+    return _form(request, next)
 
 
 @router.post("/sign-in")
 def sign_in(
-    request: Request,
-    key: Annotated[str, Form()],
-    next: Annotated[str, Form()] = "/",
-    csrf: Annotated[str, Form()] = "",
+    request: Request, key: Annotated[str, Form()], next: Annotated[str, Form()] = "/", csrf: Annotated[str, Form()] = ""
 ) -> Response:
     """Begin a session, whose token stands in a cookie that no script can read.
 
@@ -323,19 +279,17 @@ def sign_in(
         principal = principal_of(service, key.strip(), client_of(request))
     except NotAuthenticated as error:
         notice = Message(str(error.detail), "bad")
-        return _form(request, next, None, (notice,), status=401)
+        return _form(request, next, (notice,), status=401)
     with service.library.transaction(principal.actor) as session:
         token = open_session(session, principal.key_id, request.cookies.get(COOKIE, ""))
     return _with_cookie(request, lead(service, _local(next)), COOKIE, token, int(LASTS.total_seconds()))
 
 
-def _form(
-    request: Request, next: str, principal: Principal | None, messages: tuple[Message, ...] = (), status: int = 200
-) -> Response:
+def _form(request: Request, next: str, messages: tuple[Message, ...] = (), status: int = 200) -> Response:
     """Return the form, whose token belongs to a cookie that is made here where there is none."""
     token = request.cookies.get(FORM_COOKIE) or secrets.token_urlsafe(32)
     context = {"next": _local(next), "csrf": csrf_token(token)}
-    answer = render(request, "sign_in.html", context, principal=principal, messages=messages, status=status)
+    answer = render(request, "sign_in.html", context, messages=messages, status=status)
     return _with_cookie(request, answer, FORM_COOKIE, token)
 
 

@@ -9,7 +9,7 @@ from urllib.parse import quote
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import tomli_w
-from fastapi import APIRouter, Depends, Form, Query, Request
+from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import JSONResponse, Response
 from markupsafe import Markup
 from pydantic import BeforeValidator
@@ -22,8 +22,8 @@ from app.http.errors import Unprocessable
 from app.report.charts import Window, charts_of
 from app.report.formatting import term
 from app.report.standing_words import day, evidence_words, next_steps, state_badge, trend_words, why
-from app.report.words import VERDICTS
 from app.service import Reading, Service, TheService
+from app.web.forms import Fields
 from app.web.page import (
     ROWS,
     FromOurPage,
@@ -37,7 +37,7 @@ from app.web.page import (
     waiting_page,
 )
 from casebase.alarms import rules
-from casebase.axes import axis_names, get_axis, is_axis, unknown_axis
+from casebase.axes import axis_names, get_axis, is_axis, near_names, unknown_axis
 from casebase.description import check_choice, check_name
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import Standing, State, standing
@@ -55,7 +55,6 @@ from casebase.store.models import (
     now,
 )
 from sim.robot.foreign import kept_robot
-from sim.robot.robot import Robot
 
 robots = APIRouter(prefix="/robots")
 router = APIRouter(prefix="/axes")
@@ -69,7 +68,7 @@ OVER_IT = 3
 
 
 @router.get("")
-def axis_list(request: Request, session: Reading, principal: PageViewer) -> Response:
+def axis_list(request: Request, session: Reading, _: PageViewer) -> Response:
     """Every axis and robot at its current revision, and axes that only recordings name."""
     robots = session.scalars(select(RobotRevision.name).distinct())
     known = [*((False, name) for name in axis_names(session)), *((True, name) for name in robots)]
@@ -81,21 +80,34 @@ def axis_list(request: Request, session: Reading, principal: PageViewer) -> Resp
         **{(True, row.name): row for row in revisions.current(session, RobotRevision, names=shown)},
     }
     context = {"list": found, "rows": [(*one, described.get(one)) for one in found.rows]}
-    return render(request, "axes.html", context, principal=principal, section=SECTION)
+    return render(request, "axes.html", context, section=SECTION)
 
 
 @fleet_router.get("/names/{kind}")
 def names(
-    session: Reading, _: PageViewer, kind: Literal["axis", "gearbox"], search: Word = "", axis: Word = ""
+    session: Reading,
+    _: PageViewer,
+    kind: Literal["axis", "gearbox"],
+    search: Word = "",
+    axis: Word = "",
+    near: Word = "",
+    also: Annotated[list[Word] | None, Query()] = None,
 ) -> list[str]:
-    """Names that hold a text, of axes or of the gearboxes of an axis, for whoever begins to write one."""
+    """Names that hold a text, of axes or of the gearboxes of an axis, for whoever begins to write one.
+
+    Args:
+        near: a name, of which those are wanted that it may be a misspelling of, of these and of `also`.
+    """
+    if near:
+        known = [*(also or ()), *(axis_names(session) if kind == "axis" else gearbox_names(session, most=5000))]
+        return [] if near in known else near_names(near, known)
     if kind == "gearbox":
         return list(gearbox_names(session, axis or None, search, ROWS))
     return [name for name in axis_names(session) if search.lower() in name.lower()][:ROWS]
 
 
 @router.get("/{name}")
-def axis(request: Request, session: Reading, service: TheService, principal: PageViewer, name: str) -> Response:
+def axis(request: Request, session: Reading, service: TheService, _: PageViewer, name: str) -> Response:
     """One axis: its gearboxes in service, notes on all of them, description and revisions."""
     check_known(session, name)
     history = revisions.history(session, AxisRevision, name)
@@ -111,55 +123,39 @@ def axis(request: Request, session: Reading, service: TheService, principal: Pag
         "investigations": newest(session, LISTED, StoredInvestigation.axis == name),
         "listed": LISTED,
     }
-    return render(request, "axis.html", context, principal=principal, section=SECTION)
+    return render(request, "axis.html", context, section=SECTION)
 
 
 @router.post("/{name}/marks", dependencies=[FromOurPage])
-def add_mark(
-    service: TheService,
-    principal: PageOperator,
-    name: str,
-    text: Annotated[str, Form()],
-    at: Annotated[str, Form()],
-    gearbox: Annotated[str, Form()] = "",
-    kind: Annotated[str, Form()] = NOTE,
-    successor: Annotated[str, Form()] = "",
-    back: Annotated[str | None, Form()] = None,
-    zone: Annotated[str, Form(max_length=100)] = "",
-) -> Response:
+def add_mark(service: TheService, principal: PageOperator, name: str, fields: Fields) -> Response:
     """Note what was done to an axis or a gearbox of it, at a time in the browser's zone or else the site's."""
+    text, at, gearbox, successor = (fields.get(each, "") for each in ("text", "at", "gearbox", "successor"))
+    kind, zone = fields.get("kind", NOTE), fields.get("zone", "")[:100]
     try:
         when = datetime.fromisoformat(at).replace(tzinfo=ZoneInfo(zone or service.settings.time_zone))
     except (ValueError, ZoneInfoNotFoundError):
         raise Unprocessable(f"The time must look like 2026-11-20T14:03, got {at!r} {zone}.") from None
-    if not text.strip():
+    if not text:
         raise Unprocessable("Say what was done.")
     check_name("name of the axis", name)
-    if gearbox.strip():
-        check_name("gearbox", gearbox.strip())
+    if gearbox:
+        check_name("gearbox", gearbox)
     check_choice("kind", kind, KINDS)
     if kind != NOTE and when > now():
         raise Unprocessable("What was done is noted when it is done: its time must not lie in the future.")
-    if successor.strip():
-        check_name("name of the new gearbox", successor.strip())
+    if successor:
+        check_name("name of the new gearbox", successor)
         if kind != EXCHANGE:
             raise Unprocessable("Only an exchange has a new gearbox: choose Exchange, or leave its name empty.")
     with service.library.transaction(principal.actor) as session:
         check_known(session, name)
-        mark = MaintenanceMark(
-            axis=name,
-            gearbox=gearbox.strip() or None,
-            at=when,
-            kind=kind,
-            successor=successor.strip() or None,
-            text=text.strip(),
-            created_by=principal.actor,
-        )
+        mark = MaintenanceMark(axis=name, gearbox=gearbox or None, at=when, kind=kind, successor=successor or None)
+        mark.text, mark.created_by = text, principal.actor
         session.add(mark)
         session.flush()
         audit.record(session, "mark.added", ("mark", mark.id), after=_said(mark))
         _review(session, mark)
-    return _back(service, name, back)
+    return _back(service, name, fields.get("back"))
 
 
 def _review(session: Session, mark: MaintenanceMark) -> None:
@@ -169,13 +165,7 @@ def _review(session: Session, mark: MaintenanceMark) -> None:
 
 
 @router.post("/{name}/marks/{mark_id}/remove", dependencies=[FromOurPage])
-def remove_mark(
-    service: TheService,
-    principal: PageOperator,
-    name: str,
-    mark_id: str,
-    back: Annotated[str | None, Form()] = None,
-) -> Response:
+def remove_mark(service: TheService, principal: PageOperator, name: str, mark_id: str, fields: Fields) -> Response:
     """Take a note back; the audit log keeps what it said."""
     with service.library.transaction(principal.actor) as session:
         mark = session.get(MaintenanceMark, mark_id)
@@ -185,7 +175,7 @@ def remove_mark(
         session.delete(mark)
         session.flush()
         _review(session, mark)
-    return _back(service, name, back)
+    return _back(service, name, fields.get("back"))
 
 
 def _said(mark: MaintenanceMark) -> dict[str, object]:
@@ -210,7 +200,7 @@ def axis_toml(session: Reading, _: PageViewer, name: str) -> Response:
 
 
 @robots.get("/{name}")
-def robot(request: Request, session: Reading, principal: PageViewer, name: str) -> Response:
+def robot(request: Request, session: Reading, _: PageViewer, name: str) -> Response:
     """One robot: its joints, revisions and investigations."""
     history = revisions.history(session, RobotRevision, name)
     investigations = newest(session, LISTED, StoredInvestigation.robot == name)
@@ -223,23 +213,11 @@ def robot(request: Request, session: Reading, principal: PageViewer, name: str) 
         "name": name,
         "history": list(reversed(history)),
         "robot": described,
-        "joints": joints_of(described) if described else [],
         "toml": tomli_w.dumps(dict(history[-1].document)) if history else None,
         "investigations": investigations,
         "listed": LISTED,
     }
-    return render(request, "robot_description.html", context, principal=principal, section=SECTION)
-
-
-def joints_of(robot: Robot) -> list[dict[str, object]]:
-    """Return the logged joints of a robot, in the log's order: range and largest speed of the URDF, and the drive."""
-    rows: list[dict[str, object]] = []
-    for joint in robot.joints:
-        low, high, speed = robot.urdf.limits.get(joint.name, (None, None, None))
-        unit = "m" if joint.name in robot.urdf.prismatic else "rad"
-        axis = joint.axis if joint.described else None
-        rows.append({"name": joint.name, "unit": unit, "low": low, "high": high, "speed": speed, "axis": axis})
-    return rows
+    return render(request, "robot_description.html", context, section=SECTION)
 
 
 @robots.get("/{name}/robot.toml")
@@ -269,18 +247,14 @@ SAID_BY = ("fault", "hypotheses", "labels", "quality", "remarks", "novelty", "re
 
 @fleet_router.get("/fleet")
 def fleet(
-    request: Request,
-    session: Reading,
-    service: TheService,
-    principal: PageViewer,
-    state: State | None = None,
+    request: Request, session: Reading, service: TheService, _: PageViewer, state: State | None = None
 ) -> Response:
     """The gearboxes with their states, the worst first: all of them or those in one state, a page of them."""
     begun = service.fleet_soon(session)
     if begun is not None:
         words = "Every gearbox with its state, the worst first."
         basis = "all recordings, once after each start of the service"
-        return waiting_page(request, principal, begun, "Fleet", words, basis, section=FLEET)
+        return waiting_page(request, begun, title="Fleet", words=words, basis=basis, section=FLEET)
     known = service.fleet.gearboxes(session, now(), service.settings.silent_after)
     counts = Counter(row.state for row in known)
     found = listing(request, session, [row for row in known if state in (None, row.state)], **ORDERS)
@@ -293,7 +267,7 @@ def fleet(
         "list": found,
         "day": lambda value: day(value, service.settings.time_zone),
     }
-    return render(request, "fleet.html", context, principal=principal, section=FLEET)
+    return render(request, "fleet.html", context, section=FLEET)
 
 
 def in_words(
@@ -333,7 +307,7 @@ def gearbox_page(
     request: Request,
     session: Reading,
     service: TheService,
-    principal: PageViewer,
+    _: PageViewer,
     window: TheWindow,
     name: str,
     gearbox: str = "",
@@ -384,10 +358,9 @@ def gearbox_page(
         "heard": page,
         "older": page[-1].recording_id if first + ROWS < len(heard) else None,
         "investigations": investigations_of(session, shown),
-        "verdicts": VERDICTS,
         "day": lambda value: day(value, zone),
     }
-    return render(request, "gearbox.html", context, principal=principal, section=FLEET)
+    return render(request, "gearbox.html", context, section=FLEET)
 
 
 def question_of(history: History, trend: Trend | None, zone: str) -> tuple[str, str] | None:

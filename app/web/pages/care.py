@@ -13,12 +13,10 @@ from starlette.background import BackgroundTask
 from app.api.jobs import SimulationRequest, campaign_of
 from app.background_cache import Pending
 from app.http.errors import Unprocessable
-from app.http.security import check_csrf
-from app.http.uploads import TheUpload
 from app.recordings.bundle_import import order as order_import
 from app.service import Reading, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
-from app.web.forms import MOST_AT_ONCE
+from app.web.forms import MOST_AT_ONCE, OurUpload
 from app.web.page import ROWS, FromOurPage, Message, PageAdmin, PageViewer, lead, of_library, render, waiting_page
 from casebase import review as care
 from casebase.axes import get_axis, list_axes
@@ -47,14 +45,14 @@ KINDS = (
 
 @router.get("/review")
 def review(
-    request: Request, session: Reading, service: TheService, principal: PageViewer, edit: int = 0, undone: int = 0
+    request: Request, session: Reading, service: TheService, _: PageViewer, edit: int = 0, taken_back: int = 0
 ) -> Response:
     """The findings, worst first within each kind; edits are offered to admins and can be taken back as a whole."""
     found = service.review_soon(session)
     if isinstance(found, Pending):
         words = "Cases that contradict each other, that add nothing, and what is missing."
         basis = of_library(service, session)
-        return waiting_page(request, principal, found, "Review", words, basis, tab="/library/review")
+        return waiting_page(request, found, title="Review", words=words, basis=basis, tab="/library/review")
     context = {
         "review": found,
         "kinds": [(kind, title, words, getattr(found, kind)) for kind, title, words in KINDS],
@@ -67,9 +65,9 @@ def review(
     messages = []
     if edit:
         messages.append(Message(f"Edit {edit} is done. It can be taken back below."))
-    if undone:
-        messages.append(Message(f"Edit {undone} is taken back."))
-    return render(request, "review.html", context, principal=principal, section=SECTION, messages=tuple(messages))
+    if taken_back:
+        messages.append(Message(f"Edit {taken_back} is taken back."))
+    return render(request, "review.html", context, section=SECTION, messages=tuple(messages))
 
 
 @router.post("/review", dependencies=[FromOurPage])
@@ -86,13 +84,11 @@ def undo(service: TheService, principal: PageAdmin, version: Annotated[int, Form
     """Take back the edits of a version."""
     with service.library.transaction(principal.actor) as session:
         care.undo(service.library, session, version)
-    return lead(service, f"/library/review?undone={version}")
+    return lead(service, f"/library/review?taken_back={version}")
 
 
 @router.get("/simulate")
-def simulate_page(
-    request: Request, session: Reading, principal: PageAdmin, axis: str = "", label: str = ""
-) -> Response:
+def simulate_page(request: Request, session: Reading, _: PageAdmin, axis: str = "", label: str = "") -> Response:
     """How many cases of which label the simulator is to make for an axis: of any that its model can have."""
     axes = [row.name for row in list_axes(session)]
     if axis and axis not in axes:
@@ -109,7 +105,7 @@ def simulate_page(
         "not_simulated": label if label and label not in labels() else "",
         "no_place": label if label in labels() and label not in offered else "",
     }
-    return render(request, "simulate.html", context, principal=principal, section=SECTION)
+    return render(request, "simulate.html", context, section=SECTION)
 
 
 def _count(text: str | None, otherwise: int) -> int:
@@ -140,22 +136,22 @@ def evaluation(
     request: Request,
     session: Reading,
     service: TheService,
-    principal: PageViewer,
+    _: PageViewer,
     origin: Literal["measured", "simulated", "both"] = "both",
 ) -> Response:
     """Leave-one-gearbox-out confusion matrix; its cells open the cases."""
     found = service.evaluation_soon(session, origin)
     if isinstance(found, Pending):
         basis = of_library(service, session)
-        return waiting_page(request, principal, found, "Evaluation", HOW, basis, tab="/library/evaluation")
+        return waiting_page(request, found, title="Evaluation", words=HOW, basis=basis, tab="/library/evaluation")
     context = {"evaluation": found, "origin": origin, "labels": sorted(found.confusion), "how": HOW}
-    return render(request, "evaluation.html", context, principal=principal, section=SECTION)
+    return render(request, "evaluation.html", context, section=SECTION)
 
 
 @router.get("/exchange")
-def exchange(request: Request, principal: PageAdmin) -> Response:
+def exchange(request: Request, _: PageAdmin) -> Response:
     """Forms of import and export."""
-    return render(request, "exchange.html", {}, principal=principal, section=SECTION)
+    return render(request, "exchange.html", {}, section=SECTION)
 
 
 @router.get("/export.zip")
@@ -173,9 +169,8 @@ def export(session: Reading, service: TheService, _: PageAdmin, label: str = "",
 
 
 @router.post("/import")
-def take(request: Request, principal: PageAdmin, upload: TheUpload, service: TheService) -> Response:
+def take(principal: PageAdmin, upload: OurUpload, service: TheService) -> Response:
     """Order the import of a bundle."""
-    check_csrf(request, upload.fields.get("csrf", ""))
     file, library = upload.file("file"), service.library
     check_bundle(file.path)
     bundle = library.audio.content(file.path)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Depends, Query, Request
+from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
 from app.axes import TEMPLATES
@@ -12,6 +12,7 @@ from app.axis_form import FIELDS, MOST_STAGES, STAGE, copied, described, filled,
 from app.http.errors import Unprocessable
 from app.http.security import Principal
 from app.service import Reading, Service, TheService
+from app.web.forms import Fields
 from app.web.page import FromOurPage, Message, PageAdmin, lead, render
 from casebase.axes import add_axis, find_axis, get_axis
 from sim.description.axis_document import read_axis
@@ -20,19 +21,11 @@ from sim.errors import AxisError, ParameterError
 router = APIRouter(prefix="/describe")
 
 
-async def the_fields(request: Request) -> dict[str, str]:
-    """What the form says."""
-    return {name: value for name, value in (await request.form()).multi_items() if isinstance(value, str)}
-
-
-Fields = Annotated[dict[str, str], Depends(the_fields)]
-
-
 @router.get("")
 def form(
     request: Request,
     session: Reading,
-    principal: PageAdmin,
+    _: PageAdmin,
     axis: Annotated[str, Query(max_length=200)] = "",
     template: Annotated[str, Query(max_length=50)] = "",
     copy: Annotated[str, Query(max_length=200)] = "",
@@ -42,44 +35,24 @@ def form(
     """The form: of a stored axis, of a new one like a stored one, of a template, or empty; or that an axis is `stored`
     for the investigation that waits in another tab."""
     if stored:
-        return render(request, "describe.html", {"stored": stored}, principal=principal, section="/axes")
+        return render(request, "describe.html", {"stored": stored}, section="/axes")
     if axis:
         row = get_axis(session, axis)
-        return _form(request, principal, filled(row.document), row.name, row.revision)
+        return _form(request, filled(row.document), axis=row.name, revision=row.revision)
     if copy:
-        return _form(request, principal, filled(copied(get_axis(session, copy).document)), copy=copy)
+        return _form(request, filled(copied(get_axis(session, copy).document)), copy=copy)
     if template and template not in TEMPLATES:
         raise Unprocessable(f"There is no template {template!r}; there are {', '.join(TEMPLATES)}.")
     values = filled(TEMPLATES[template].document("")) if template else {}
-    return _form(request, principal, values, template=template, back=back)
+    return _form(request, values, template=template, back=back)
 
 
-def _form(
-    request: Request,
-    principal: Principal,
-    values: Mapping[str, str],
-    axis: str = "",
-    revision: int = 0,
-    template: str = "",
-    copy: str = "",
-    wrong: str = "",
-    back: str = "",
-) -> Response:
+def _form(request: Request, values: Mapping[str, str], wrong: str = "", **about: object) -> Response:
     stages = max(MOST_STAGES, sum(key.startswith("stages.") and key.endswith(".name") for key in values))
-    context: dict[str, Any] = {"values": values, "fields": FIELDS, "stage": STAGE, "stages": stages}
-    context |= {
-        "axis": axis,
-        "revision": revision,
-        "templates": TEMPLATES,
-        "template": template,
-        "copy": copy,
-        "back": back,
-    }
-    messages = (Message(wrong, "bad"),) if wrong else ()
-    status = 422 if wrong else 200
-    return render(
-        request, "describe.html", context, principal=principal, section="/axes", messages=messages, status=status
-    )
+    context = {"values": values, "fields": FIELDS, "stage": STAGE, "stages": stages, "templates": TEMPLATES}
+    context |= {"axis": "", "revision": 0, "template": "", "copy": "", "back": "", **about}
+    messages, status = ((Message(wrong, "bad"),), 422) if wrong else ((), 200)
+    return render(request, "describe.html", context, section="/axes", messages=messages, status=status)
 
 
 @router.post("", dependencies=[FromOurPage])
@@ -92,8 +65,8 @@ def describe(request: Request, service: TheService, principal: PageAdmin, fields
     try:
         name = _stored(service, principal, axis, revision, fields)
     except (AxisError, ParameterError) as error:
-        copy, wrong = fields.get("copy", ""), in_words(str(error), fields)
-        return _form(request, principal, fields, axis, revision, copy=copy, wrong=wrong, back=back)
+        about = {"axis": axis, "revision": revision, "copy": fields.get("copy", ""), "back": back}
+        return _form(request, fields, in_words(str(error), fields), **about)
     if back:
         return lead(service, f"/describe?stored={quote(name, safe='')}")
     return lead(service, f"/axes/{quote(name, safe='')}{'' if axis else '/first-hour'}")

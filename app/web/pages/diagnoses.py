@@ -12,34 +12,19 @@ from sqlalchemy import select
 from app.api.steps import told as told_step
 from app.http.errors import Forbidden, Unprocessable
 from app.http.headers import self_contained
-from app.http.security import Principal, ReadingLimit, Role, check_csrf
-from app.http.uploads import TheUpload
+from app.http.security import ReadingLimit, Role, known
 from app.investigations import investigations_from
 from app.recordings.intake import RecordingMetadata
 from app.report.diagnosis_view import diagnosis_html, view_of
 from app.report.standing_words import named_words
 from app.report.words import (
-    VERDICTS,
     how_sure,
     investigation_headline,
     verdict_of,
     verdict_word,
 )
 from app.service import Reading, Service, TheService
-from app.web.forms import (
-    LARGEST_NUMBER,
-    SAID,
-    VERIFICATIONS,
-    LabelGiven,
-    Verified,
-    choices,
-    import_choices,
-    may_keep,
-    number_of,
-    said_how,
-    taken_in,
-    told,
-)
+from app.web import forms
 from app.web.page import (
     RECORDED,
     ROWS,
@@ -76,7 +61,7 @@ def front(request: Request, session: Reading, service: TheService, principal: Vi
     others = list_diagnoses(session, DiagnosisFilter(), limit=2).items
     new_here = demo is not None and all(row.id == demo[0] for row in others)
     if demo is not None and (principal is None or new_here):
-        return shown(request, session, service, principal, get_diagnosis(session, demo[0]), demo=True)
+        return shown(request, session, service, get_diagnosis(session, demo[0]), demo=True)
     if principal is None:
         raise SignInNeeded("/")
     return lead(service, "/fleet")
@@ -86,30 +71,29 @@ def front(request: Request, session: Reading, service: TheService, principal: Vi
 def listed(
     request: Request,
     session: Reading,
-    principal: PageViewer,
+    _: PageViewer,
     verdict: Literal["", "diagnosed", "ambiguous", "not_in_library", "unusable"] = "",
 ) -> Response:
     """The list, newest first."""
     wanted = diagnoses_of(DiagnosisFilter(verdict=verdict or None))
     columns = {**RECORDED, "label": StoredDiagnosis.label, "review": StoredDiagnosis.state}
     found = listing(request, session, wanted, **columns)
-    context = {"list": found, "verdicts": VERDICTS, "word": verdict_word, "how_sure": how_sure}
-    return render(request, "diagnoses.html", context, principal=principal, section="/diagnoses")
+    context = {"list": found, "word": verdict_word, "how_sure": how_sure}
+    return render(request, "diagnoses.html", context, section="/diagnoses")
 
 
 @router.get("/diagnoses/new")
-def upload_page(request: Request, session: Reading, service: TheService, principal: PageOperator) -> Response:
+def upload_page(request: Request, session: Reading, service: TheService, _: PageOperator) -> Response:
     """The form for those who do not drop, and the table of many recordings."""
-    context = {"base_url": str(request.base_url).rstrip("/"), **import_choices(service, session)}
-    return render(request, "upload.html", context, principal=principal, section="/diagnoses")
+    return render(request, "upload.html", forms.import_choices(service, session), section="/diagnoses")
 
 
 @router.post("/diagnoses/new")
-def upload(request: Request, principal: PageOperator, upload: TheUpload, service: TheService) -> Response:
+def upload(principal: PageOperator, upload: forms.OurUpload, service: TheService) -> Response:
     """Take a recording in and diagnose it."""
-    check_csrf(request, upload.fields.get("csrf", ""))
-    upload.only("file", "csrf", "recorded_at", *SAID)
-    intake = taken_in(service, upload, told(upload.fields, "recorded_at"), RecordingMetadata)[0].fitted(service.library)
+    upload.only("file", "csrf", "recorded_at", *forms.SAID)
+    intake, _ = forms.taken_in(service, upload, forms.told(upload.fields, "recorded_at"), RecordingMetadata)
+    intake = intake.fitted(service.library)
     with service.library.transaction(principal.actor) as session:
         diagnosis = intake.diagnose(service.library, session)
         identity = diagnosis.id
@@ -132,14 +116,13 @@ def one(
     if principal is None and not is_demo:
         raise SignInNeeded(below_root(request))
     row = get_diagnosis(session, diagnosis_id)
-    return shown(request, session, service, principal, row, demo=is_demo, orders=axis == "orders")
+    return shown(request, session, service, row, demo=is_demo, orders=axis == "orders")
 
 
 def shown(
     request: Request,
     session: Reading,
     service: Service,
-    principal: Principal | None,
     row: StoredDiagnosis,
     *,
     demo: bool = False,
@@ -160,7 +143,7 @@ def shown(
         f'curl -H "Authorization: Bearer $GEARCASE_KEY" {base}/api/v1/diagnoses/{row.id}'
     )
     context = view_of(session, service, row, orders=orders)
-    labels = choices(label for label, _ in service.counts(session))
+    labels = forms.choices(label for label, _ in service.counts(session))
     context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels}
     kept = session.scalars(select(Case).where(Case.diagnosis_id == row.id).order_by(Case.id)).all()
     context["kept"] = [case for case in kept if not is_undone(session, case)]
@@ -172,7 +155,8 @@ def shown(
     ]
     context["described"] = row.recording.axis is None or find_axis(session, row.recording.axis) is not None
     subjects = [("diagnosis", row.id), *(("case", case.id) for case in kept)]
-    step = told_step(session, number_of(request, "step")) if principal else None
+    principal = known(request)
+    step = told_step(session, forms.number_of(request, "step")) if principal else None
     here = step is not None and step.path == f"/diagnoses/{row.id}"
     queued = principal is not None and bool(request.query_params.get("queue"))
     naming = service.fleet.naming(session) if queued else {}
@@ -180,12 +164,9 @@ def shown(
         "last": last_step(session, subjects),
         "step": None if here else step,
         "place": place_in(list(waiting(session, naming, faults_first=True)), row.id) if queued else None,
-        "ways": VERIFICATIONS,
     }
-    notices = (Message(step.words, ""),) if step is not None and here else ()
-    if request.query_params.get("undone"):
-        notices = (Message("Taken back: all is as it was before.", ""),)
-    return render(request, "diagnosis.html", context, principal=principal, section="/diagnoses", messages=notices)
+    notices = (Message(step.words),) if step is not None and here else ()
+    return render(request, "diagnosis.html", context, section="/diagnoses", messages=notices)
 
 
 def file_argument(name: str) -> str:
@@ -204,9 +185,9 @@ def revise(
     principal: PageOperator,
     diagnosis_id: str,
     verdict: Annotated[str, Form()],
-    label: LabelGiven,
+    label: forms.LabelGiven,
     verified_by: Annotated[str, Form()] = "",
-    verification: Annotated[Verified, Form()] = "",
+    verification: Annotated[forms.Verified, Form()] = "",
     keep: Annotated[str, Form()] = "",
     queue: Annotated[str, Form()] = "",
 ) -> Response:
@@ -215,8 +196,8 @@ def revise(
         raise Unprocessable(f"How it was verified may have {LONGEST_VERIFICATION} characters, not {len(verified_by)}.")
     keeping = bool(keep) and verdict in ("confirmed", "corrected")
     if keeping:
-        may_keep(principal)
-        said_how(verification)
+        forms.may_keep(principal)
+        forms.said_how(verification)
     right = label() if verdict == "corrected" else None
     name = step_name()
     place = place_in(queue_of(service), diagnosis_id) if queue else None
@@ -248,11 +229,11 @@ def queue_of(service: Service) -> list[str]:
 
 @router.post("/diagnoses/{diagnosis_id}/retain", dependencies=[FromOurPage])
 def retain(
-    service: TheService, principal: PageAdmin, diagnosis_id: str, verification: Annotated[Verified, Form()] = ""
+    service: TheService, principal: PageAdmin, diagnosis_id: str, verification: Annotated[forms.Verified, Form()] = ""
 ) -> Response:
     """Make a case of it."""
     with service.library.transaction(principal.actor, step_name()) as session:
-        said_how(verification or get_diagnosis(session, diagnosis_id).verification)
+        forms.said_how(verification or get_diagnosis(session, diagnosis_id).verification)
         case = service.library.retain.diagnosis(session, diagnosis_id, verification=verification or None)
     return lead(service, f"/cases/{case.id}?kept=1")
 
@@ -266,7 +247,7 @@ def report_html(session: Reading, service: TheService, _: PageViewer, diagnosis_
 
 
 @router.get("/queue")
-def queue(request: Request, service: TheService, session: Reading, principal: PageViewer) -> Response:
+def queue(request: Request, service: TheService, session: Reading, _: PageViewer) -> Response:
     """The diagnoses that need a person: likely faults first, then the most informative."""
     naming = service.fleet.naming(session)
     found = waiting(session, naming, faults_first=True)
@@ -280,17 +261,17 @@ def queue(request: Request, service: TheService, session: Reading, principal: Pa
         "named_words": lambda fault: named_words(fault, service.settings.time_zone),
         "count": len(found),
         "proposed": proposed(session),
-        "step": told_step(session, number_of(request, "step")),
+        "step": told_step(session, forms.number_of(request, "step")),
         "how_sure": how_sure,
     }
-    return render(request, "queue.html", context, principal=principal, section="/diagnoses")
+    return render(request, "queue.html", context, section="/diagnoses")
 
 
 @router.post("/steps/undo", dependencies=[FromOurPage])
 def take_back(
     service: TheService,
     principal: PageOperator,
-    step: Annotated[int, Form(ge=1, le=LARGEST_NUMBER)],
+    step: Annotated[int, Form(ge=1, le=forms.LARGEST_NUMBER)],
     queue: Annotated[str, Form()] = "",
 ) -> Response:
     """Take a step back and show what it was about."""

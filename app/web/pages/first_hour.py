@@ -12,26 +12,13 @@ from app.api.steps import told as told_step
 from app.axes import TEMPLATES, check_known
 from app.background_cache import Pending
 from app.http.errors import Unprocessable
-from app.http.security import check_csrf
-from app.http.uploads import TheUpload
 from app.recordings.intake import RecordingMetadata
 from app.report.disturbed import Flag, flags_of
 from app.report.words import verdict_of
 from app.service import Reading, Service, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
+from app.web import forms
 from app.web.first_hour import Hour, axis_cases, obstacles
-from app.web.forms import (
-    MOST_AT_ONCE,
-    SAID,
-    VERIFICATIONS,
-    choices,
-    label_of,
-    may_keep,
-    number_of,
-    said_how,
-    taken_in,
-    told,
-)
 from app.web.page import FromOurPage, Message, PageAdmin, PageOperator, PageViewer, lead, render
 from casebase.axes import find_axis, list_axes
 from casebase.diagnoses import revise_diagnosis
@@ -47,10 +34,10 @@ USUAL = 20
 
 
 @router.get("/first-hour")
-def begin(request: Request, session: Reading, principal: PageViewer) -> Response:
+def begin(request: Request, session: Reading, _: PageViewer) -> Response:
     """Which axis: a described one, a new one, or a copy of one."""
     context = {"axes": [row.name for row in list_axes(session)], "templates": TEMPLATES}
-    return render(request, "begin.html", context, principal=principal, section=SECTION)
+    return render(request, "begin.html", context, section=SECTION)
 
 
 @router.get("/axes/{name}/first-hour")
@@ -59,7 +46,7 @@ def first_hour(
     session: Reading,
     service: TheService,
     jobs: TheJobs,
-    principal: PageViewer,
+    _: PageViewer,
     name: str,
     recorded: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
@@ -85,15 +72,14 @@ def first_hour(
         "waiting": begun,
         "recordings": [(one, checked(one), said(one)) for one in hour.taken],
         "answers": {origin: {one.label: one for one in hour.answers(origin)} for origin in (MEASURED, SIMULATED)},
-        "choices": choices(label for label, _ in service.counts(session)),
-        "ways": VERIFICATIONS,
+        "choices": forms.choices(label for label, _ in service.counts(session)),
         "usual": USUAL,
-        "most": MOST_AT_ONCE,
-        "step": told_step(session, number_of(request, "step")),
+        "most": forms.MOST_AT_ONCE,
+        "step": told_step(session, forms.number_of(request, "step")),
     }
     newest = next((one for one in hour.taken if one.diagnosis and one.diagnosis.id == recorded), None)
     messages = (message(newest),) if newest else ()
-    return render(request, "first_hour.html", context, principal=principal, section=SECTION, messages=messages)
+    return render(request, "first_hour.html", context, section=SECTION, messages=messages)
 
 
 def checked(taken: Taken) -> tuple[Flag, ...]:
@@ -119,20 +105,19 @@ def message(taken: Taken) -> Message:
 
 
 @router.post("/axes/{name}/first-hour/recordings")
-def record(request: Request, principal: PageOperator, upload: TheUpload, service: TheService, name: str) -> Response:
+def record(principal: PageOperator, upload: forms.OurUpload, service: TheService, name: str) -> Response:
     """Take a recording of the axis in and diagnose it; keep it as a case where it is said what the gearbox has."""
-    check_csrf(request, upload.fields.get("csrf", ""))
-    upload.only("file", "csrf", "recorded_at", "label", "verification", *SAID)
+    upload.only("file", "csrf", "recorded_at", "label", "verification", *forms.SAID)
     label = upload.fields.get("label", "")
     verification = upload.fields.get("verification") or None
     with service.library.reading() as session:
         check_known(session, name)
     if label:
-        may_keep(principal)
-        said_how(verification)
-        label = label_of(service, upload)
-    fields = {**told(upload.fields, "recorded_at"), "axis": name}
-    intake, _ = taken_in(service, upload, fields, RecordingMetadata)
+        forms.may_keep(principal)
+        forms.said_how(verification)
+        label = forms.label_of(service, upload)
+    fields = {**forms.told(upload.fields, "recorded_at"), "axis": name}
+    intake, _ = forms.taken_in(service, upload, fields, RecordingMetadata)
     intake, step = intake.fitted(service.library), step_name()
     with service.library.transaction(principal.actor, step) as session:
         diagnosis = intake.diagnose(service.library, session)
@@ -153,7 +138,7 @@ def simulate(
     jobs: TheJobs,
     principal: PageAdmin,
     name: str,
-    per_label: Annotated[int, Form(ge=1, le=MOST_AT_ONCE)],
+    per_label: Annotated[int, Form(ge=1, le=forms.MOST_AT_ONCE)],
 ) -> Response:
     """Have the cases of the axis simulated, as many of each label."""
     with service.library.reading() as session:

@@ -11,14 +11,13 @@ from sqlalchemy import func, select
 from app.api.recordings import UNCHANGING
 from app.http.errors import NotFound, Unprocessable
 from app.http.headers import self_contained
-from app.http.security import check_csrf
-from app.http.uploads import TheUpload
 from app.investigation_request import asked_of, axis_of, completed, given, offered
 from app.investigations import PARTS, accept, comparable, compared, document_of, get_investigation, names_of, submit
 from app.report.formatting import ENVIRONMENT, instant, style_sheet
 from app.report.investigation_report import Part, Shown, box_shown, joints_of, of_robot, panels_of
 from app.report.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
 from app.service import Reading, TheJobs, TheService
+from app.web.forms import OurUpload
 from app.web.log_preview import log_preview, sound_preview
 from app.web.page import FromOurPage, PageAdmin, PageOperator, PageViewer, headlined, lead, light, listing, render
 from casebase.axes import list_axes
@@ -35,7 +34,6 @@ from sim.investigation.report.box import (
     box_of,
     box_of_robot,
     is_urgent,
-    limits_of,
     refused,
     rests_of_robot,
     unexplained_words,
@@ -48,20 +46,20 @@ SECTION = "/investigations"
 
 
 @router.get("")
-def investigation_list(request: Request, session: Reading, principal: PageViewer) -> Response:
+def investigation_list(request: Request, session: Reading, _: PageViewer) -> Response:
     """Investigations, newest first."""
     subject = func.coalesce(StoredInvestigation.robot, StoredInvestigation.axis)
     columns = {"axis_or_robot": subject, "state": StoredInvestigation.state, "by": StoredInvestigation.created_by}
     found = listing(request, session, light(), **columns)
     context = {"list": found, "rows": headlined(session, found.rows)}
-    return render(request, "investigations.html", context, principal=principal, section=SECTION)
+    return render(request, "investigations.html", context, section=SECTION)
 
 
 @router.get("/new")
 def ask_page(
     request: Request,
     session: Reading,
-    principal: PageOperator,
+    _: PageOperator,
     diagnosis: Annotated[str, Query(max_length=32)] = "",
     again: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
@@ -80,13 +78,12 @@ def ask_page(
         "table_kinds": table_kinds(),
         "table_endings": ",".join((*TEXT, *binary_endings())),
     }
-    return render(request, "investigate.html", context, principal=principal, section=SECTION)
+    return render(request, "investigate.html", context, section=SECTION)
 
 
 @router.post("/new")
-def ask(request: Request, principal: PageOperator, upload: TheUpload, service: TheService, jobs: TheJobs) -> Response:
+def ask(principal: PageOperator, upload: OurUpload, service: TheService, jobs: TheJobs) -> Response:
     """Queue an investigation and lead to its job."""
-    check_csrf(request, upload.fields.get("csrf", ""))
     upload = completed(service, upload)
     if not given(upload, "axis", "robot", "urdf", "diagnosis"):
         raise Unprocessable("Choose an axis or a robot, or send its axis.toml or robot.toml.")
@@ -98,16 +95,14 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
 
 
 @router.post("/columns")
-def columns(request: Request, _: PageOperator, upload: TheUpload, service: TheService) -> Response:
+def columns(_: PageOperator, upload: OurUpload, service: TheService) -> Response:
     """What each column of a log looks like, and which channel it is by the map that is offered for it."""
-    check_csrf(request, upload.fields.get("csrf", ""))
     return JSONResponse(offered(service, completed(service, upload)))
 
 
 @router.post("/preview")
-def preview(request: Request, _: PageOperator, upload: TheUpload, service: TheService) -> Response:
+def preview(_: PageOperator, upload: OurUpload, service: TheService) -> Response:
     """Courses of a log, or of a sound, to be laid over each other; and what such a log can show."""
-    check_csrf(request, upload.fields.get("csrf", ""))
     upload = completed(service, upload)
     if "telemetry" not in upload.files:
         return JSONResponse(sound_preview(upload.file("sound").path))
@@ -117,18 +112,20 @@ def preview(request: Request, _: PageOperator, upload: TheUpload, service: TheSe
 
 
 @router.get("/{investigation_id}")
-def story(request: Request, session: Reading, principal: PageViewer, investigation_id: str) -> Response:
+def story(request: Request, session: Reading, _: PageViewer, investigation_id: str) -> Response:
     """What was found, told in order."""
     row = get_investigation(session, investigation_id)
     document: dict[str, Any] = row.document or {}
-    revision = RobotRevision if row.robot else AxisRevision
+    revision, limits = RobotRevision if row.robot else AxisRevision, document.get("limits", ())
     context: dict[str, Any] = {
         "row": row,
         "document": document,
         "headline": investigation_headline(document) if document else None,
         "box": box_of_row(row),
-        "limits": limits_of(document),
+        "limits": limits,
         "bar": bar_of(document),
+        "heard": "sound" in row.inputs and "telemetry" not in row.inputs,
+        "diagnosed": None,
         "shows": SHOWS,
         "overlay": panels_of(document, "overlay"),
         "others": headlined(session, comparable(session, row)) if document else [],
@@ -139,11 +136,11 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
             "unexplained": rests_of_robot(document) if document else "",
             "finding_words": finding_words,
             "unexplained_words": lambda found: unexplained_words(unexplained_of(found)),
-            "not_examined": [one for one in document.get("remarks", ()) if one not in context["limits"]],
+            "not_examined": [one for one in document.get("remarks", ()) if one not in limits],
             "joints": joints_of(document) if document else (),
             "robot_values": of_robot(document) if document else (),
         }
-        return render(request, "robot.html", context, principal=principal, section=SECTION)
+        return render(request, "robot.html", context, section=SECTION)
     told = document.get("story", {})
     rest = document.get("unexplained") if document and document["verdict"] != "unnamed" else None
     diagnosed = get_diagnosis(session, row.diagnosis_id) if row.diagnosis_id else None
@@ -154,10 +151,10 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "sound": panels_of(document, "sound"),
         "candidates": told.get("candidates", ()),
         "checked": told.get("checked", ()),
-        "not_examined": [one for one in told.get("not_examined", ()) if one not in context["limits"]],
+        "not_examined": [one for one in told.get("not_examined", ()) if one not in limits],
         "diagnosed": verdict_of(diagnosed.document).headline if diagnosed else None,
     }
-    return render(request, "investigation.html", context, principal=principal, section=SECTION)
+    return render(request, "investigation.html", context, section=SECTION)
 
 
 def box_of_row(row: StoredInvestigation) -> list[Shown]:
@@ -190,7 +187,7 @@ def described(row: StoredInvestigation) -> Axis | None:
 def compare(
     request: Request,
     session: Reading,
-    principal: PageViewer,
+    _: PageViewer,
     investigation_id: str,
     other: Annotated[str, Query(alias="with", max_length=32)],
 ) -> Response:
@@ -198,18 +195,15 @@ def compare(
     found = compared(session, investigation_id, other)
     parts = [part for part in PARTS if names_of(found.before, part) or names_of(found.after, part)]
     context = {
-        "before": found.before,
-        "after": found.after,
-        "headline": comparison_headline(found.rows),
+        **vars(found),
         "other_description": found.other_description,
-        "rows": found.rows,
-        "values": found.values,
+        "headline": comparison_headline(found.rows),
         "given": [
             (part.replace("_", " "), *(", ".join(names_of(row, part)) for row in (found.before, found.after)))
             for part in parts
         ],
     }
-    return render(request, "compared.html", context, principal=principal, section=SECTION)
+    return render(request, "compared.html", context, section=SECTION)
 
 
 @router.get("/{investigation_id}/panels/{part}/{number}")
@@ -242,6 +236,7 @@ def work_sheet(session: Reading, service: TheService, _: PageViewer, investigati
         "row": row,
         "measured": " · ".join([str(row.subject), when, *(name for part in PARTS for name in names_of(row, part))]),
         "headline": investigation_headline(document),
+        "limits": document.get("limits", ()),
         "box": box,
         "checks": list(dict.fromkeys(steps)),
         "chart": next((one.chart for one in box if one.chart is not None), None),

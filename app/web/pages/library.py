@@ -5,9 +5,9 @@ The recording of the demonstration is open to anybody.
 
 import re
 from collections.abc import Callable
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Form, Header, Query, Request
+from fastapi import APIRouter, Depends, Form, Header, Query, Request
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -16,28 +16,15 @@ from app.api import recordings as api
 from app.api.steps import told as told_step
 from app.background_cache import Pending
 from app.http.errors import Conflict, Unprocessable
-from app.http.security import ReadingLimit, Role, check_csrf
-from app.http.uploads import TheUpload
+from app.http.security import Principal, ReadingLimit
 from app.recordings import views
 from app.recordings.intake import CaseMetadata
 from app.report import charts
 from app.report.formatting import name_of, sentence
 from app.report.recorded import PlotName, chart_of, features_of, spectrogram_png
 from app.service import Reading, Service, TheService
+from app.web import forms
 from app.web.first_hour import axis_cases
-from app.web.forms import (
-    VERIFICATIONS,
-    LabelGiven,
-    choices,
-    damage_of,
-    import_choices,
-    label_of,
-    number,
-    number_of,
-    said_how,
-    taken_in,
-    told,
-)
 from app.web.page import (
     RECORDED,
     FromOurPage,
@@ -62,51 +49,37 @@ from casebase.search.axis_cases import LabelCases
 from casebase.search.case_filter import CaseFilter, selected
 from casebase.steps import last_step, newest_of, step_name
 from casebase.store import erasing
-from casebase.store.models import Case
+from casebase.store.models import Case, StoredRecording
 from casebase.teaching import Teaching, teaching
 from signals.features import catalogue
 
 router = APIRouter()
 SECTION = "/library"
 TAUGHT = "Effect of this case on the library"
-KEPT = "Kept as a case of the library."
+FILTERS = ("label", "origin", "axis", "gearbox", "state", "verification")
 
 
 @router.get("/library")
-def cases(
-    request: Request,
-    session: Reading,
-    service: TheService,
-    principal: PageViewer,
-    label: str = "",
-    origin: str = "",
-    axis: str = "",
-    gearbox: str = "",
-    state: str = "",
-    verification: str = "",
-) -> Response:
+def cases(request: Request, session: Reading, service: TheService, _: PageViewer) -> Response:
     """The cases, newest first, by label, axis, gearbox, origin and state."""
-    wanted = CaseFilter(
-        label or None, origin or None, axis or None, gearbox or None, state or None, verification=verification or None
-    )
-    counts = service.counts(session)
+    asked: dict[str, Any] = {name: request.query_params.get(name) or None for name in FILTERS}
+    wanted = CaseFilter(**asked)
+    counts, evaluation = service.counts(session), service.evaluation_known(session)
     columns = {**RECORDED, "label": Case.label, "verified": Case.verification}
     context = {
         "list": listing(request, session, selected(wanted), **columns),
-        "state": state,
+        "state": wanted.state,
         "labels": [(one, name_of(one)) for one in sorted({label for label, _ in counts})],
         "counts": sorted(counts.items()),
         "total": sum(counts.values()),
-        "choices": choices(one for one, _ in counts),
-        "ways": VERIFICATIONS,
-        "step": told_step(session, number_of(request, "step")),
+        "right": evaluation.accuracy if evaluation and evaluation.cases else None,
+        "choices": forms.choices(one for one, _ in counts),
+        "step": told_step(session, forms.number_of(request, "step")),
     }
-    messages = []
-    if request.query_params.get("undone"):
-        messages.append(Message("Taken back: all is as it was before."))
-    if axis and not is_axis(session, axis):
-        messages.append(Message(sentence(unknown_axis(session, axis)), "warn"))
-    return render(request, "library.html", context, principal=principal, section=SECTION, messages=tuple(messages))
+    messages: tuple[Message, ...] = ()
+    if wanted.axis and not is_axis(session, wanted.axis):
+        messages = (Message(sentence(unknown_axis(session, wanted.axis)), "warn"),)
+    return render(request, "library.html", context, section=SECTION, messages=messages)
 
 
 @router.post("/library/change", dependencies=[FromOurPage])
@@ -114,7 +87,7 @@ def change_several(
     service: TheService,
     principal: PageAdmin,
     action: Annotated[str, Form()],
-    label: LabelGiven,
+    label: forms.LabelGiven,
     case_id: Annotated[list[str] | None, Form()] = None,
 ) -> Response:
     """Retire, restore, release or label all chosen cases together, or none of them."""
@@ -131,54 +104,52 @@ def change_several(
     if action not in actions:
         raise Unprocessable(f"Unknown action {action!r}; known: {', '.join(actions)}.")
     given = [{"label": label()}] if action == "label" else []
-    name = step_name()
-    with service.library.transaction(principal.actor, name) as session:
+
+    def change(session: Session) -> None:
         for one in chosen_ids:
             actions[action](session, one, *given)
-        session.flush()
-        step = newest_of(session, name)
-    return _changed(service, step)
+
+    return _changed(service, principal, change)
 
 
 @router.post("/library/rename", dependencies=[FromOurPage])
-def rename(
-    service: TheService,
-    principal: PageAdmin,
-    old: Annotated[str, Form()],
-    label: LabelGiven,
-) -> Response:
+def rename(service: TheService, principal: PageAdmin, old: Annotated[str, Form()], label: forms.LabelGiven) -> Response:
     """Give all cases of a label another one, retired ones too."""
     right = label()
-    name = step_name()
-    with service.library.transaction(principal.actor, name) as session:
+
+    def change(session: Session) -> None:
         for one in session.scalars(select(Case.id).where(Case.label == old)).all():
             service.library.revise.case(session, one, {"label": right})
+
+    return _changed(service, principal, change)
+
+
+def _changed(service: Service, principal: Principal, change: Callable[[Session], None]) -> Response:
+    name = step_name()
+    with service.library.transaction(principal.actor, name) as session:
+        change(session)
         session.flush()
         step = newest_of(session, name)
-    return _changed(service, step)
-
-
-def _changed(service: Service, step: int | None) -> Response:
     return lead(service, f"/library?step={step or 0}")
 
 
 @router.get("/library/add")
-def add_page(request: Request, session: Reading, service: TheService, principal: PageAdmin) -> Response:
+def add_page(request: Request, session: Reading, service: TheService, _: PageAdmin) -> Response:
     """The form of a new case."""
-    context = import_choices(service, session)
-    return render(request, "add_case.html", context, principal=principal, section=SECTION)
+    context = forms.import_choices(service, session)
+    return render(request, "add_case.html", context, section=SECTION)
 
 
 @router.post("/library/add")
-def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheService) -> Response:
+def add(principal: PageAdmin, upload: forms.OurUpload, service: TheService) -> Response:
     """Take a labelled recording in."""
-    check_csrf(request, upload.fields.get("csrf", ""))
-    said_how(upload.fields.get("verification"))
-    fields = told(upload.fields, "verified_by", "verification")
+    forms.said_how(upload.fields.get("verification"))
+    fields = forms.told(upload.fields, "verified_by", "verification")
     if size := upload.fields.get("size_rad", "").strip():
-        fields["size_rad"] = number("The size of the fault", size, "size_rad", upload.fields.get("size_rad.unit", ""))
-    fields["label"] = label_of(service, upload)
-    intake, metadata = taken_in(service, upload, fields, CaseMetadata)
+        unit = upload.fields.get("size_rad.unit", "")
+        fields["size_rad"] = forms.number("The size of the fault", size, "size_rad", unit)
+    fields["label"] = forms.label_of(service, upload)
+    intake, metadata = forms.taken_in(service, upload, fields, CaseMetadata)
     with service.library.transaction(principal.actor, step_name()) as session:
         row = intake.store(service.library, session)
         labelling = metadata.labelling()
@@ -187,18 +158,18 @@ def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheS
 
 
 @router.get("/library/coverage")
-def coverage(request: Request, session: Reading, service: TheService, principal: PageViewer) -> Response:
+def coverage(request: Request, session: Reading, service: TheService, _: PageViewer) -> Response:
     """How many cases there are of every label, per axis and origin, and where there are none."""
     known = axis_cases(service, session)
     labels = sorted({label for of in known.values() for label in of} | {"normal", "notch", "play"})
     axes = sorted(known, key=lambda axis: axis or "")
     rows = [(axis, label, known[axis].get(label, LabelCases())) for axis in axes for label in labels]
     found = listing(request, session, rows, axis=lambda row: row[0] or "", label=lambda row: name_of(row[1]))
-    return render(request, "coverage.html", {"list": found}, principal=principal, section=SECTION)
+    return render(request, "coverage.html", {"list": found}, section=SECTION)
 
 
 @router.get("/cases/{case_id}/taught", dependencies=[ReadingLimit])
-def taught(request: Request, session: Reading, service: TheService, principal: PageViewer, case_id: str) -> Response:
+def taught(request: Request, session: Reading, service: TheService, _: PageViewer, case_id: str) -> Response:
     """What the library says of gearboxes that are held out, without this case and with it."""
     row = service.library.retrieve.case(session, case_id)
     if row.id not in service.library.retrieve.table(session).ids:
@@ -210,12 +181,12 @@ def taught(request: Request, session: Reading, service: TheService, principal: P
     for one in (without, having):
         if isinstance(one, Pending):
             above, basis = (f"/cases/{row.id}", f"Case {row.label}"), of_library(service, session)
-            return waiting_page(request, principal, one, TAUGHT, row.recording.file_name, basis, crumb=above)
+            return waiting_page(request, one, title=TAUGHT, words=row.recording.file_name, basis=basis, crumb=above)
     assert isinstance(without, Evaluation)
     assert isinstance(having, Evaluation)
     found = teaching(without, having, row.id)
     context = {"case": row, "taught": found, "headline": taught_words(found), "explained": own_words(found, row.label)}
-    return render(request, "taught.html", context, principal=principal, section=SECTION)
+    return render(request, "taught.html", context, section=SECTION)
 
 
 def taught_words(found: Teaching) -> str:
@@ -243,7 +214,7 @@ def own_words(found: Teaching, label: str) -> str:
 
 
 @router.get("/cases/{case_id}", dependencies=[ReadingLimit])
-def case(request: Request, session: Reading, service: TheService, principal: PageViewer, case_id: str) -> Response:
+def case(request: Request, session: Reading, service: TheService, _: PageViewer, case_id: str) -> Response:
     """One case: what it sounds like, where it comes from, what happened to it."""
     row = service.library.retrieve.case(session, case_id)
     known, erased = catalogue(), row.recording.erased_at is not None
@@ -258,15 +229,13 @@ def case(request: Request, session: Reading, service: TheService, principal: Pag
         "waveform": None if erased else chart_of("waveform", session, service, row.recording),
         "spectrum": None if erased else chart_of("spectrum", session, service, row.recording),
         "features": features,
-        "damage": damage_of(row.label),
+        "damage": forms.damage_of(row.label),
         "history": service.library.retrieve.history(session, case_id),
         "described": row.recording.axis is None or find_axis(session, row.recording.axis) is not None,
-        "ways": VERIFICATIONS,
         "last": last_step(session, [("case", row.id)]),
     }
-    said = {"kept": KEPT, "undone": "Taken back: all is as it was before."}
-    notices = tuple(Message(words) for name, words in said.items() if request.query_params.get(name))
-    return render(request, "case.html", context, principal=principal, section=SECTION, messages=notices)
+    notices = (Message("Kept as a case of the library."),) if request.query_params.get("kept") else ()
+    return render(request, "case.html", context, section=SECTION, messages=notices)
 
 
 recordings = APIRouter(prefix="/recordings/{recording_id}")
@@ -274,17 +243,20 @@ demonstration = APIRouter()
 PAGE_OF_OURS = re.compile(r"/(cases|diagnoses)/[0-9a-f]{32}")
 
 
-def allowed(session: Session, principal: Visitor, request: Request, recording_id: str) -> None:
-    """Let viewers see everything and anybody the demonstration.
+def recording_seen(
+    request: Request, session: Reading, service: TheService, principal: Visitor, recording_id: str
+) -> StoredRecording:
+    """Dependency: a recording of the path, which viewers see; anybody sees that of the demonstration.
 
     Raises:
-        SignInNeeded: otherwise.
+        SignInNeeded: for others.
     """
-    if principal is not None and principal.role.may(Role.VIEWER):
-        return
-    demo = demo_ids(session)
-    if demo is None or demo[1] != recording_id:
+    if principal is None and recording_id not in (demo_ids(session) or ())[1:]:
         raise SignInNeeded(below_root(request))
+    return service.library.retrieve.recording(session, recording_id)
+
+
+TheRecording = Annotated[StoredRecording, Depends(recording_seen)]
 
 
 @demonstration.get("/demonstration.wav")
@@ -298,32 +270,24 @@ def demonstration_wav(session: Reading, service: TheService, _: Visitor) -> Resp
 
 @recordings.get("/plots/{name}", dependencies=[ReadingLimit])
 def plot(
-    request: Request,
     session: Reading,
     service: TheService,
-    principal: Visitor,
-    recording_id: str,
+    row: TheRecording,
     name: PlotName,
     points: Annotated[int, Query(ge=100, le=400_000)] = charts.SHOWN_POINTS,
 ) -> Response:
     """Numbers of one plot, for the interactive drawing."""
-    allowed(session, principal, request, recording_id)
-    row = service.library.retrieve.recording(session, recording_id)
     return JSONResponse(chart_of(name, session, service, row, points).document(), headers=api.UNTIL_ERASED)
 
 
 @recordings.get("/sound")
 def sound(
-    request: Request,
-    session: Reading,
     service: TheService,
-    principal: Visitor,
-    recording_id: str,
+    row: TheRecording,
     byte_range: Annotated[str | None, Header(alias="Range", max_length=100)] = None,
 ) -> Response:
     """The sound, whole or one range of it."""
-    allowed(session, principal, request, recording_id)
-    return api.file_answer(service, service.library.retrieve.recording(session, recording_id), byte_range, None)
+    return api.file_answer(service, row, byte_range, None)
 
 
 @recordings.post("/erase", dependencies=[FromOurPage])
@@ -345,16 +309,11 @@ def erase(
 
 @recordings.get("/spectrogram.png", dependencies=[ReadingLimit])
 def spectrogram(
-    request: Request,
-    session: Reading,
     service: TheService,
-    principal: Visitor,
-    recording_id: str,
+    row: TheRecording,
     theme: Literal["light", "dark"] = "light",
     top_hz: Annotated[float, Query(ge=0, le=1e6)] = 0.0,
 ) -> Response:
     """The spectrogram, drawn here because browsers resample sound."""
-    allowed(session, principal, request, recording_id)
-    row = service.library.retrieve.recording(session, recording_id)
     image = spectrogram_png(service, row, dark=theme == "dark", top_hz=top_hz)
     return Response(image, headers=api.UNTIL_ERASED, media_type="image/png")

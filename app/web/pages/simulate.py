@@ -239,7 +239,7 @@ def _value(text: str | None, slider: Slider) -> float:
 
 @router.get("")
 def simulate_axis(
-    request: Request, service: TheService, principal: PageViewer, wanted: TheAsked, diagnose: bool = False
+    request: Request, service: TheService, _: PageViewer, wanted: TheAsked, diagnose: bool = False
 ) -> Response:
     """Draw the axis as it is set beside the axis as it is described; diagnose its sound if asked for."""
     with service.library.reading() as session:
@@ -260,7 +260,7 @@ def simulate_axis(
         "sounds": [wanted.described.query, wanted.query],
         "diagnosis": diagnosed(service, wanted) if diagnose else None,
     }
-    return render(request, "simulator.html", context, principal=principal, section=router.prefix)
+    return render(request, "simulator.html", context, section=router.prefix)
 
 
 def charts(runs: Mapping[str, Run]) -> tuple[Chart, ...]:

@@ -55,34 +55,13 @@ for (const element of all("[data-key]")) {
   one("#keys dl")?.append(made("dt", made("kbd", key)), made("dd", element.dataset.keyName ?? element.textContent.trim()));
 }
 
-/* what a WAV file says of itself, read from its first bytes in the browser */
-async function wavHeader(file) {
-  const view = new DataView(await file.slice(0, 65536).arrayBuffer());
-  const tag = (at) => String.fromCharCode(...[0, 1, 2, 3].map((k) => view.getUint8(at + k)));
-  if (view.byteLength < 44 || !["RIFF", "RF64"].includes(tag(0)) || tag(8) !== "WAVE") return null;
-  const found = {};
-  for (let at = 12; at + 8 <= view.byteLength; ) {
-    const size = view.getUint32(at + 4, true);
-    if (tag(at) === "fmt ") {
-      Object.assign(found, { channels: view.getUint16(at + 10, true), rate: view.getUint32(at + 12, true), bytes: view.getUint32(at + 16, true) });
-    }
-    if (tag(at) === "data") {
-      found.seconds = Math.min(size || Infinity, file.size - at - 8) / found.bytes;
-      break;
-    }
-    at += 8 + size + (size % 2);
-  }
-  return found.rate && found.seconds !== undefined ? found : null;
-}
-
-async function described(form) {
-  const file = one("input[type=file]", form).files[0];
-  const output = one("[data-detected]", form);
+/* size of a chosen recording, and its length where the browser can play it */
+function described(form) {
+  const [file, output] = [one("input[type=file]", form).files[0], one("[data-detected]", form)];
   if (!file || !output) return;
-  const header = await wavHeader(file);
-  output.textContent = header
-    ? `${file.name}: ${header.rate} Hz, ${header.channels} ${header.channels === 1 ? "channel" : "channels"}, ${header.seconds.toFixed(1)} s`
-    : `${file.name}: ${(file.size / 1e6).toFixed(2)} MB; rate and length are read on the server`;
+  output.textContent = `${file.name}: ${(file.size / 1e6).toFixed(2)} MB`;
+  const sound = new Audio(URL.createObjectURL(file));
+  sound.addEventListener("loadedmetadata", () => one("input[type=file]", form).files[0] === file && output.append(`, ${sound.duration.toFixed(1)} s`));
 }
 
 /* several recordings: the table of this page, or the one of the page of a new diagnosis, put before this page's content */

@@ -32,16 +32,6 @@ export function dropped({ items, files }) {
   return files.length > 1 ? [...files].map((file) => [file.name, file]) : null;
 }
 
-/* names with the same numbers are near where the rest is the same or one letter away */
-const numbers = (name) => (name.match(/\d+/gu) ?? []).map(Number).join(" ");
-const letters = (name) => name.toLowerCase().replace(/[^\p{L}]/gu, "");
-function isNear(one, other) {
-  const [short, long] = [letters(one), letters(other)].sort((a, b) => a.length - b.length);
-  const from = [...long].findIndex((letter, k) => letter !== short[k]);
-  const isOneAway = [short.slice(from), short.slice(from + 1)].includes(long.slice(from + 1));
-  return numbers(one) === numbers(other) && (from < 0 || isOneAway);
-}
-
 /* what names tell: known words wherever they stand, then what is left of files and folders */
 const SERIAL = /^(g|gb|gear ?box|gear|sn|serial|unit|no)[\s_.-]*\d/iu;
 const AXIS = /(?<!\p{L})(axis|joint)[\s_-]?(\d+|\p{L}(?!\p{L}))/iu;
@@ -121,20 +111,30 @@ export function importer(root) {
     }
     for (const select of where) select.was = select.value = value;
   }
+  /* the name that is written where one is asked for, or what else there is to choose */
+  const dialog = one("dialog", root);
+  function named(question, given, otherwise, other) {
+    [one("label", dialog).textContent, one("input", dialog).value, one("[value='']", dialog).textContent] = [question, given, otherwise];
+    dialog.returnValue = ""; // where it is closed by a key
+    dialog.showModal();
+    return new Promise((done) => dialog.addEventListener("close", () => done(dialog.returnValue ? one("input", dialog).value.trim() : other), { once: true }));
+  }
   /* a new name that looks like a known one is asked about, once */
   const answers = new Map();
-  function meant(name, value) {
-    const known = listed(name);
-    if (!value || name === "label" || known.includes(value)) return value;
-    const near = known.find((one) => isNear(one, value));
-    const [key, question] = [`${name} ${value}`, `No ${name} ${value} is known, but ${near} is.\n\nOK: ${near} is meant. Cancel: ${value} is another ${name}.`];
-    if (near && !answers.has(key)) answers.set(key, confirm(question) ? near : value);
-    return answers.get(key) ?? value;
+  async function meant(name, value) {
+    const key = `${name} ${value}`;
+    if (!value || name === "label" || listed(name).includes(value)) return value;
+    if (!answers.has(key)) {
+      const also = all(`[name=${name}] option`, template).filter((option) => option.text === `${option.value} (new)`).map((option) => ["also", option.value]);
+      const [near] = await (await answered(`${pages}names/${name}?${new URLSearchParams([["near", value], ...also])}`, csrf, {})).json();
+      answers.set(key, near ? await named(`No ${name} ${value} is known, but ${near} is. Which is meant?`, near, `${value} is another ${name}`, value) : value);
+    }
+    return answers.get(key);
   }
-  function changed(select) {
+  async function changed(select) {
     const name = select.dataset.kind;
     let { value } = select;
-    if (value === "+") value = meant(name, prompt(`Name of the new ${name}, as it shall stand in all lists`)?.trim().slice(0, 100) || select.was || "");
+    if (value === "+") value = await meant(name, await named(`Name of the new ${name}, as it shall stand in all lists`, "", "Cancel", select.was ?? ""));
     if (select.dataset.all && !value) return void (select.value = "");
     if (value && name === "label") value = labelled(value, words).label || value.toLowerCase().replace(/\s+/gu, "_");
     choose(name, value, select.dataset.all ? [select, ...left().map((row) => field(row, name))] : [select]);
@@ -166,7 +166,8 @@ export function importer(root) {
     const wanted = found.filter(([, file]) => fits(file)).sort(([a], [b]) => a.localeCompare(b, "en", { numeric: true }));
     const known = Object.fromEntries(["axis", "gearbox"].map((name) => [name, patterns(listed(name).map((value) => [value, value]))]));
     const names = recognised(wanted.map(([path]) => path), words, known);
-    const made = wanted.map(([path, file], k) => {
+    const made = [];
+    for (const [k, [path, file]] of wanted.entries()) {
       body.append(template.cloneNode(true));
       const row = { file, path, element: body.lastElementChild };
       show(row, "name", path);
@@ -174,7 +175,7 @@ export function importer(root) {
       field(row, "recorded_at").valueAsNumber = saved - 60_000 * saved.getTimezoneOffset(); // at this place
       for (const select of all("select, input", row.element)) {
         select.setAttribute("aria-label", `${select.getAttribute("aria-label")} of ${path}`);
-        if (select.options) choose(select.name, meant(select.name, names[k][select.name] ?? ""), [select]);
+        if (select.options) choose(select.name, await meant(select.name, names[k][select.name] ?? ""), [select]);
       }
       one("[data-remove]", row.element).addEventListener("click", () => {
         rows = rows.filter((other) => other !== row);
@@ -182,8 +183,8 @@ export function importer(root) {
         row.element.remove();
         status();
       });
-      return row;
-    });
+      made.push(row);
+    }
     rows.push(...made);
     [form.hidden, button.disabled] = [!rows.length, sending || !rows.length];
     status(found.length > made.length ? `Left out, because they are no recordings: ${found.length - made.length}.` : "");

@@ -31,73 +31,68 @@ function number(value) {
 
 function annotate(data) {
   return (u) => {
-    const { ctx } = u;
+    const [{ ctx }, px] = [u, devicePixelRatio];
+    const { left: start, top, width, height } = u.bbox;
+    const [edge, bottom] = [start + width, top + height];
+    const within = (marks) => marks.map((mark) => ({ ...mark, at: u.valToPos(mark.x, "x", true) })).filter(({ at }) => at >= start && at <= edge).sort((a, b) => a.at - b.at);
+    function upright(x) {
+      ctx.beginPath();
+      ctx.moveTo(x, top);
+      ctx.lineTo(x, bottom);
+      ctx.stroke();
+    }
+    // where words at x begin, and the first of three rows in which they cover none; `ends` of the words of each row
+    function placed(text, x, ends) {
+      const wide = ctx.measureText(text).width;
+      const left = Math.min(x + 4 * px, edge - wide);
+      const row = Math.max(0, ends.findIndex((end) => end < left));
+      ends[row] = left + wide + 6 * px;
+      return [left, row];
+    }
     ctx.save();
-    ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
+    ctx.font = `${11 * px}px system-ui, sans-serif`;
     ctx.textAlign = "left";
     ctx.textBaseline = "alphabetic";
+    ctx.fillStyle = style("--plot-band");
     for (const band of data.bands ?? []) {
-      const top = u.valToPos(band.high, "y", true);
-      const bottom = u.valToPos(band.low, "y", true);
-      ctx.fillStyle = style("--plot-band");
-      ctx.fillRect(u.bbox.left, Math.max(top, u.bbox.top), u.bbox.width, Math.min(bottom, u.bbox.top + u.bbox.height) - Math.max(top, u.bbox.top));
+      const [high, low] = [band.high, band.low].map((y) => Math.min(Math.max(u.valToPos(y, "y", true), top), bottom));
+      ctx.fillRect(start, high, width, low - high);
     }
-    const edge = u.bbox.left + u.bbox.width;
-    const bottom = u.bbox.top + u.bbox.height;
-    const feet = [-Infinity, -Infinity, -Infinity]; // where the words of stretches end, in rows from the bottom
+    const feet = [-Infinity, -Infinity, -Infinity]; // rows from the bottom
     for (const stretch of [...(data.stretches ?? [])].sort((a, b) => a.start - b.start)) {
-      const low = Math.max(u.valToPos(stretch.start, "x", true), u.bbox.left);
-      const high = Math.min(Math.max(u.valToPos(stretch.end, "x", true), low + 2 * devicePixelRatio), edge);
+      const low = Math.max(u.valToPos(stretch.start, "x", true), start);
+      const high = Math.min(Math.max(u.valToPos(stretch.end, "x", true), low + 2 * px), edge);
       if (high <= low) continue;
       ctx.fillStyle = style("--plot-stretch");
-      ctx.fillRect(low, u.bbox.top, high - low, u.bbox.height);
+      ctx.fillRect(low, top, high - low, height);
       ctx.strokeStyle = style("--ink-soft");
-      ctx.setLineDash([2 * devicePixelRatio, 2 * devicePixelRatio]);
-      for (const x of [low, high]) {
-        ctx.beginPath();
-        ctx.moveTo(x, u.bbox.top);
-        ctx.lineTo(x, bottom);
-        ctx.stroke();
-      }
+      ctx.setLineDash([2 * px, 2 * px]);
+      [low, high].forEach(upright);
       if (!stretch.text) continue;
-      const wide = ctx.measureText(stretch.text).width;
-      const left = Math.min(low + 4 * devicePixelRatio, edge - wide);
-      const row = Math.max(0, feet.findIndex((end) => end < left));
-      feet[row] = left + wide + 6 * devicePixelRatio;
+      const [left, row] = placed(stretch.text, low, feet);
       ctx.setLineDash([]);
-      ctx.lineWidth = 3 * devicePixelRatio;
+      ctx.lineWidth = 3 * px;
       ctx.strokeStyle = style("--sheet");
-      ctx.strokeText(stretch.text, left, bottom - (5 + 13 * row) * devicePixelRatio);
+      ctx.strokeText(stretch.text, left, bottom - (5 + 13 * row) * px);
       ctx.lineWidth = 1;
       ctx.fillStyle = style("--ink");
-      ctx.fillText(stretch.text, left, bottom - (5 + 13 * row) * devicePixelRatio);
+      ctx.fillText(stretch.text, left, bottom - (5 + 13 * row) * px);
     }
     ctx.strokeStyle = ctx.fillStyle = style("--ink-faint");
-    ctx.setLineDash([4 * devicePixelRatio, 4 * devicePixelRatio]);
-    const rows = [-Infinity, -Infinity, -Infinity]; // where the words of each row end
-    for (const marker of [...(data.markers ?? [])].sort((a, b) => a.x - b.x)) {
-      const x = u.valToPos(marker.x, "x", true);
-      if (x < u.bbox.left || x > u.bbox.left + u.bbox.width) continue;
-      ctx.beginPath();
-      ctx.moveTo(x, u.bbox.top);
-      ctx.lineTo(x, u.bbox.top + u.bbox.height);
-      ctx.stroke();
-      if (!marker.text) continue;
-      const wide = ctx.measureText(marker.text).width;
-      const left = Math.min(x + 4 * devicePixelRatio, u.bbox.left + u.bbox.width - wide);
-      const row = Math.max(0, rows.findIndex((end) => end < left));
-      rows[row] = left + wide + 6 * devicePixelRatio;
-      ctx.fillText(marker.text, left, u.bbox.top + (12 + 13 * row) * devicePixelRatio);
+    ctx.setLineDash([4 * px, 4 * px]);
+    const heads = [-Infinity, -Infinity, -Infinity];
+    for (const { at, text } of within(data.markers ?? [])) {
+      upright(at);
+      if (!text) continue;
+      const [left, row] = placed(text, at, heads);
+      ctx.fillText(text, left, top + (12 + 13 * row) * px);
     }
     ctx.fillStyle = style("--event");
-    for (const event of data.events ?? []) {
-      const x = u.valToPos(event, "x", true);
-      if (x < u.bbox.left || x > u.bbox.left + u.bbox.width) continue;
-      const r = 5 * devicePixelRatio;
+    for (const { at } of within((data.events ?? []).map((x) => ({ x })))) {
       ctx.beginPath();
-      ctx.moveTo(x - r, u.bbox.top);
-      ctx.lineTo(x + r, u.bbox.top);
-      ctx.lineTo(x, u.bbox.top + 1.6 * r);
+      ctx.moveTo(at - 5 * px, top);
+      ctx.lineTo(at + 5 * px, top);
+      ctx.lineTo(at, top + 8 * px);
       ctx.fill();
     }
     ctx.restore();

@@ -31,21 +31,12 @@ function wav(blocks, rate) {
   return view.buffer;
 }
 
-// a time with the offset of this clock: when it was recorded
-function stamp(time) {
-  const two = (value) => String(Math.floor(Math.abs(value))).padStart(2, "0");
-  const offset = -time.getTimezoneOffset();
-  const local = new Date(time.getTime() + offset * 60000).toISOString().slice(0, 19);
-  return `${local}${offset < 0 ? "-" : "+"}${two(offset / 60)}:${two(offset % 60)}`;
-}
-
 /* one recorder in one form: what it records becomes the form's file */
 export function recorder(root, form) {
   const find = (name) => root.querySelector(`[data-${name}]`);
   const [button, level, said] = ["record", "level", "said"].map(find);
   const player = document.createElement("audio");
   player.controls = true;
-  player.dataset.listen = "";
   let running = null;
   root.hidden = false;
 
@@ -109,14 +100,14 @@ export function recorder(root, form) {
       said.textContent = "Nothing was recorded: the microphone gave no sound.";
       return;
     }
-    const name = `recording ${stamp(heard.begun).slice(0, 19).replace("T", " ").replaceAll(":", "-")}.wav`;
+    const name = `recording ${heard.begun.toLocaleString("sv").replaceAll(":", "-")}.wav`;
     const file = new File([wav(heard.blocks, rate)], name, { type: "audio/wav" });
     const files = new DataTransfer();
     files.items.add(file);
     const input = form.querySelector("input[type=file]");
     input.files = files.files;
     input.dispatchEvent(new Event("change"));
-    form.elements.recorded_at.value = stamp(heard.begun);
+    form.elements.recorded_at.value = heard.begun.toISOString();
     if (player.src) URL.revokeObjectURL(player.src);
     player.src = URL.createObjectURL(file);
     root.append(player);

@@ -14,14 +14,14 @@ from sim.investigation.estimation.problem import Problem
 from sim.investigation.hypotheses.identifiability import highest_order, passed_slowly, passing_hz, shown
 from sim.investigation.model.parameters import Owner
 from sim.investigation.report.formatting import named, percent
-from sim.investigation.results import Gain
+from sim.investigation.results import Gain, Limit
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Need
 
 SOLID = ("kg m2", "N m/rad")  # units of inertia and stiffness, in which no data sheet is far wrong
 
 
-def misfit_remarks(fit: Fit, gained: Sequence[Gain], unknown: Collection[str]) -> tuple[str, ...]:
+def misfit_remarks(fit: Fit, gained: Sequence[Gain], unknown: Collection[str]) -> tuple[Limit, ...]:
     """Why the numbers of the last fit are not to be trusted, if anything says so; `unknown`: those nobody gave."""
     out = []
     torque = gained[0]
@@ -49,20 +49,21 @@ def misfit_remarks(fit: Fit, gained: Sequence[Gain], unknown: Collection[str]) -
             f"The data ask for an extreme value of what the description leaves open: {', '.join(extreme)}, where the "
             "search ended. Use no such value, and doubt the sizes found: check ratio, load, and units of the channels."
         )
-    return tuple(out)
+    return tuple(map(Limit, out))
 
 
-def description_remarks(problem: Problem, fit: Fit) -> tuple[str, ...]:
+def description_remarks(problem: Problem, fit: Fit) -> tuple[Limit, ...]:
     """Numbers of the description that were taken for wrong."""
     wrong = [
         f"{p.name} {p.expected:.3g} -> {fit.values[p.name]:.3g}" for p in fit.parameters if p.name in problem.doubts
     ]
     if not wrong:
         return ()
-    return (
+    told = (
         f"The data contradict the description: {', '.join(wrong)}. Either these values are wrong there, or something "
-        "is missing that is too weak to be named. Check these values first.",
+        "is missing that is too weak to be named. Check these values first."
     )
+    return (Limit(told),)
 
 
 def shown_remark(axis: Axis, e: Excitation) -> str:

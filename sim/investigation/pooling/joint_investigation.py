@@ -299,7 +299,7 @@ def _remarks(
     common = dict.fromkeys(remark for part in parts for remark in part.result.remarks)
     for remark in common:
         whose = [part.recording.name for part in parts if remark in part.result.remarks]
-        out.append(remark if len(whose) == len(parts) else f"{', '.join(whose)}: {remark}")
+        out.append(remark if len(whose) == len(parts) else type(remark)(f"{', '.join(whose)}: {remark}"))
     return tuple(out)
 
 

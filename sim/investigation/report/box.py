@@ -44,18 +44,6 @@ UNITS = {"_rad_s": "rad/s", "_hz": "Hz", "_s": "s"}  # by the ending of a number
 PAYLOAD, FLANGE = "payload", "the flange"
 WHOLE, UNKNOWN, RECORDING = "the axis as a whole", "these data do not show where", "the recording, not the machine"
 
-LIMITING = ("The model does not fit", "To explain the data", "The data ask for", "The data contradict")
-"""A remark with these words limits every finding, and stands beside them."""
-
-
-def limits_of(document: Document) -> list[str]:
-    """Return the remarks that limit every finding.
-
-    >>> limits_of({"remarks": ["There is no encoder.", "The data contradict the description: load."]})
-    ['The data contradict the description: load.']
-    """
-    return [one for one in document.get("remarks", ()) if any(words in one for words in LIMITING)]
-
 
 @dataclass(frozen=True)
 class Size:

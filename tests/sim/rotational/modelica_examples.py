@@ -26,9 +26,10 @@ from sim.rotational.drive_train import DriveTrain
 HALF_RIGHT_ANGLE = math.pi / 4
 
 
-def lossy_gear_demo_1() -> DriveTrain:
+def lossy_gear_demo_1(**bearing: BearingFriction) -> DriveTrain:
     return DriveTrain.series(
         torque1=Torque(Sine(amplitude=10, f=1)),
+        **bearing,
         Inertia1=Inertia(J=1),
         gear=LossyGear(ratio=2, lossTable=[0, 0.5, 0.5, 0, 0]),
         Inertia2=Inertia(J=1.5, phi=0, w=0),
@@ -37,14 +38,7 @@ def lossy_gear_demo_1() -> DriveTrain:
 
 
 def lossy_gear_demo_2() -> DriveTrain:
-    return DriveTrain.series(
-        torque1=Torque(Sine(amplitude=10, f=1)),
-        bearingFriction=BearingFriction(tau_pos=[[0, 0.5], [1, 1]], peak=1),
-        Inertia1=Inertia(J=1),
-        gear=LossyGear(ratio=2, lossTable=[0, 0.5, 0.5, 0, 0]),
-        Inertia2=Inertia(J=1.5, phi=0, w=0),
-        torque2=Torque(Ramp(height=5, duration=2, offset=-10)),
-    )
+    return lossy_gear_demo_1(bearingFriction=BearingFriction(tau_pos=[[0, 0.5], [1, 1]], peak=1))
 
 
 def lossy_gear_demo_3() -> DriveTrain:

@@ -23,7 +23,6 @@ from sim.investigation.estimation.whitening import Noise
 from sim.investigation.investigate import investigate
 from sim.investigation.model.nominal import MOTOR_STRETCH
 from sim.investigation.model.parameters import Parameter
-from sim.investigation.report.box import limits_of
 
 AXIS = {
     "motor": {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02},
@@ -110,7 +109,6 @@ def test_what_friction_holds_at_rest_is_no_misfit() -> None:
     (stated,), (open_,) = misfit_remarks(edge, gained, ()), misfit_remarks(edge, gained, {"motor.inertia_kg_m2"})
     assert "by a factor" in stated
     assert "by a factor" not in open_, "nobody gave it"
-    assert limits_of({"remarks": [stated, open_]}) == [stated, open_]
 
 
 def test_an_offset_is_named_where_it_is_more_than_as_new_and_fitted_where_it_is_not() -> None:

@@ -15,7 +15,7 @@ from sim.investigation.investigate import investigate
 from sim.investigation.report.cause_panels import cause_panels
 from sim.investigation.report.panels import AS_DESCRIBED, EXTENDED, MEASURED
 from sim.investigation.report.summary import panels, story
-from sim.investigation.results import Investigation
+from sim.investigation.results import Investigation, Limit
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Mechanism
 from tests.sim.investigation.acoustic.test_fusion import AXIS, recording, running
@@ -61,6 +61,11 @@ def test_every_step_is_there_in_order_and_nothing_is_loaded(any_result: Investig
     assert not re.search(r'<script|<link|<img|@import|url\(["\']?http|(src|href)="(?!#)', bare)
     assert "a &lt;b&gt;.csv" in page
     assert "<b>" not in page
+
+
+def test_what_limits_all_findings_stands_before_them(good: Investigation) -> None:
+    first = page_of(replace(good, remarks=("Plain.", Limit("Use no number.")))).partition('<dl class="box">')[0]
+    assert [each in first for each in ("Plain.", "Use no number.")] == [False, True]
 
 
 def test_the_plot_of_a_mechanism_is_the_torque_that_was_hidden(rising: Investigation) -> None:
