@@ -19,7 +19,7 @@ from app.cli import run
 from app.http.security import COOKIE
 
 ROLES = ("viewer", "operator", "admin")
-START_S = 60.0
+START_S = 300.0
 NO_MAIL_SERVER = "smtp://127.0.0.1:9"
 """Where nobody listens: receivers of e-mail can be made, and no message leaves."""
 
