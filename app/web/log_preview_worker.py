@@ -17,6 +17,7 @@ from sim.description.axis_document import read_axis
 from sim.investigation.assessment.remarks import excitation_remarks, shown_remark
 from sim.investigation.data.excitation import excitation_in
 from sim.investigation.kinematics.encoders_alone import NOT_TOLD
+from sim.investigation.model.one_body import with_motor_motion
 
 NO_AXIS = "Choose the axis above to see what its gears can show."
 BODY: Mapping[str, Any] = {"motor": {}, "load": {"inertia_kg_m2": 0.0}}
@@ -29,6 +30,7 @@ def task(request: Mapping[str, Any], limits: Mapping[str, float], send: Send) ->
     found = read({**request, "send": True}, limits, lambda block: blocks.append(bytes(block)))
     telemetry = telemetry_of(bytearray().join(blocks), found)
     axis = read_axis(request["axis"] or BODY)
+    telemetry = with_motor_motion(axis, telemetry)
     told = [*remarks(axis, telemetry), *([] if request["axis"] else [NO_AXIS])]
     courses = courses_of(telemetry, int(request["points"]))
     send(json.dumps({**courses, "remarks": told}).encode())
@@ -40,7 +42,7 @@ def remarks(axis: Axis, telemetry: Telemetry) -> list[str]:
         return [NOT_TOLD]
     e = excitation_in(telemetry)
     if e is None:
-        return ["Without motor_position_rad or motor_speed_rad_s the torque shows nothing: name one of them."]
+        return ["Without a position or speed the torque shows nothing: name one of them."]
     return [shown_remark(axis, e), *excitation_remarks(e)]
 
 

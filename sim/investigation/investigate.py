@@ -50,7 +50,14 @@ from sim.investigation.estimation.refit import calibrate, final_fit
 from sim.investigation.estimation.whitening import Noise
 from sim.investigation.extended_axis import extended_axis
 from sim.investigation.kinematics.encoders_alone import NEXT, encoders_alone
-from sim.investigation.model.one_body import as_described, at_the_motor, has_ratios_alone, is_one_body
+from sim.investigation.model.one_body import (
+    BY_THE_RATIO,
+    as_described,
+    at_the_motor,
+    has_ratios_alone,
+    is_one_body,
+    with_motor_motion,
+)
 from sim.investigation.next_measurement.advice import in_words, simulated_advice
 from sim.investigation.report.maintenance_actions import action
 from sim.investigation.report.wording import next_measurement, numbers_of
@@ -99,6 +106,10 @@ def investigate(
     progress("condition of the channels", 0.02)
     if "motor_torque_nm" not in telemetry:
         return _encoders_alone(axis, telemetry, sounds, sound_offset_s, progress)
+    moved = with_motor_motion(axis, telemetry)
+    if moved is not telemetry:
+        one = investigate(axis, moved, sounds, progress, sound_offset_s, as_new, known_doubts, gear)
+        return replace(one, remarks=(BY_THE_RATIO, *one.remarks))
     if is_one_body(axis, telemetry) and has_ratios_alone(axis):
         one = _of_torque(axis, _at_motor(axis, telemetry), telemetry, sounds, sound_offset_s, progress)
         return replace(one, extended=as_described(axis, one.extended))

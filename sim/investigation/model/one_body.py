@@ -21,6 +21,30 @@ def is_one_body(axis: Axis, telemetry: Telemetry) -> bool:
     return bool(axis.stages) and not (elastic or loose or seen or axis.mechanisms)
 
 
+BY_THE_RATIO = (
+    "No channel has the motion of the motor: it was taken from that of the load by the ratio, as of rigid gears, so "
+    "what the gears do in between is not seen."
+)
+
+
+def with_motor_motion(axis: Axis, telemetry: Telemetry) -> Telemetry:
+    """Return telemetry whose torque has a motion: where only the load's was logged, the motor's by the ratio.
+
+    Robots log the angles of joints, which their drives compute from the motor's.
+    """
+    channels = telemetry.channels
+    if "motor_torque_nm" not in channels or any(
+        f"motor_{each}" in channels for each in ("position_rad", "speed_rad_s")
+    ):
+        return telemetry
+    motor = {
+        name.replace("load_", "motor_"): channels[name] * axis.ratio for name in channels if name.startswith("load_")
+    }
+    kept = {name: values for name, values in channels.items() if not name.startswith("load_")}
+    lost = {name.replace("load_", "motor_"): rows for name, rows in telemetry.lost.items()}
+    return replace(telemetry, channels={**kept, **motor}, lost=lost) if motor else telemetry
+
+
 def has_ratios_alone(axis: Axis) -> bool:
     """Whether neither teeth nor losses of the gears are described, which no body has."""
     plain = (s.driven_teeth is None and s.mesh_efficiency == 1.0 and not s.transmission_error_rad for s in axis.stages)

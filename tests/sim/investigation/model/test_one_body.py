@@ -9,7 +9,7 @@ from signals.telemetry import Telemetry
 from sim.description.axis import MechanismEntry
 from sim.description.axis_document import read_axis
 from sim.investigation.investigate import investigate
-from sim.investigation.model.one_body import as_described, at_the_motor, is_one_body
+from sim.investigation.model.one_body import BY_THE_RATIO, as_described, at_the_motor, is_one_body
 
 AXIS = read_axis(
     {
@@ -88,6 +88,12 @@ def test_gears_of_a_ratio_alone_are_rigid() -> None:
     torque = 0.02 * acceleration + 0.2 * np.tanh(speed / 0.1) + 0.01 * speed + 0.02 * rng.standard_normal(t.size)
     log = Telemetry(t, {"motor_position_rad": angle + 1e-4 * rng.standard_normal(t.size), "motor_torque_nm": torque})
     result = investigate(bare, log)
+    at_joint = {"load_position_rad": log["motor_position_rad"] / 20.0, "motor_torque_nm": torque}
+    by_ratio = investigate(bare, replace(log, channels=at_joint))
+    assert {f.mechanism: f.parameters[0].value for f in by_ratio.findings} == pytest.approx(
+        {f.mechanism: f.parameters[0].value for f in result.findings}
+    )
+    assert by_ratio.remarks == (BY_THE_RATIO, *result.remarks)
     sizes = {f.mechanism: f.parameters[0].value for f in result.findings}
     assert sizes == {
         "coulomb_friction": pytest.approx(0.2, rel=0.1), "viscous_friction": pytest.approx(0.01, rel=0.1)
