@@ -188,7 +188,7 @@ export function investigation(form) {
       const below = rows.slice(row.place + 1, row.place + joints.length);
       const leads = ofJoints(name) && (row.leads || (!alike.length && !below.some(channel))); // the next columns are of the other joints
       rows.forEach((each) => (each.leads = each === row && leads));
-      choose(row, name, alike[0] && part(alike[0], "unit").value, leads ? 0 : Math.max(0, joints.findIndex((_, k) => !alike.some((each) => joint(each) === k))));
+      choose(row, name, part(alike[0] ?? row, "unit").value, leads ? 0 : Math.max(0, joints.findIndex((_, k) => !alike.some((each) => joint(each) === k))));
       if (leads) below.forEach((each, k) => choose(each, name, "", k + 1));
     }
     if (target.matches("[data-unit]")) for (const each of ofJoints(name) ? taken(name) : [row]) measure(each, target.value);
