@@ -150,7 +150,7 @@ def _harder(finding: Document) -> str:
     ways = {"positive" if one["low"] > 0.0 else "negative" for one in known}
     if finding["mechanism"] != FrictionAsymmetry.name or len(ways) != 1:
         return ""
-    return f"It runs harder in the {ways.pop()} direction. "
+    return f"The axis runs harder in the {ways.pop()} direction. "
 
 
 def as_new_words(as_new: str) -> str:
