@@ -57,7 +57,6 @@ from sim.mechanisms import MECHANISMS
 PEAKS = 1600
 SHOWN_PARTS = 8
 
-
 PLOTS = (
     ("crest_factor", "crest"),
     ("kurtosis_low", "crest"),

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
-from typing import Any
+from typing import Any, Literal
 from zoneinfo import ZoneInfo
 
 from markupsafe import Markup
@@ -25,7 +25,7 @@ from casebase.gearbox_state import NamedFault, Reason, Standing, State
 from casebase.gearboxes import GearboxRecording
 from casebase.reasoning.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
 
-SHAPES = {State.FAULT_LIKELY: "notch", State.WATCH: "play", State.GOOD: "normal"}
+SHAPES = {"fault confirmed": "notch", State.FAULT_LIKELY: "notch", State.WATCH: "play", State.GOOD: "normal"}
 """The label whose shape and colour a state shares; the others have those of what is unknown."""
 RISEN = {
     "notch_bump": ("impacts in one direction of the motion have", "notch"),
@@ -50,24 +50,24 @@ SAME_WORDS = {
     Reason.NOT_DIAGNOSED: "It was recorded, and no recording was diagnosed yet.",
 }
 """Why a gearbox is in its state, where that needs no more than its reason."""
+Counted = State | Literal["fault confirmed"]
 Document = Mapping[str, Any]
 
 
-def state_words(standing: Standing | None, now: datetime) -> str:
-    """Return the state in a few words."""
-    if standing is None:
-        return term(State.CANNOT_SAY, "gearboxes")
-    if standing.state is State.NOT_HEARD and standing.since is not None:
-        return f"Not recorded for {(now - standing.since).days} days"
-    if standing.state is State.FAULT_LIKELY and standing.reason is Reason.FOUND:
-        return "Fault confirmed"
-    return term(standing.state, "gearboxes")
+def state_of(standing: Standing | None) -> Counted:
+    """Return the state as gearboxes are counted by it: a fault that was confirmed by itself."""
+    if standing and standing.state is State.FAULT_LIKELY and standing.reason is Reason.FOUND:
+        return "fault confirmed"
+    return standing.state if standing else State.CANNOT_SAY
 
 
 def state_badge(standing: Standing | None, now: datetime) -> Markup:
     """Write a state with its shape, so that colour never speaks alone."""
-    name = SHAPES.get(State.CANNOT_SAY if standing is None else standing.state, "other")
-    return Markup('<span class="label {}">{}{}</span>').format(name, shape(name), state_words(standing, now))
+    state = state_of(standing)
+    name, words = SHAPES.get(state, "other"), term(state, "gearboxes")
+    if standing and state is State.NOT_HEARD and standing.since is not None:
+        words += f" for {(now - standing.since).days} days"
+    return Markup('<span class="label {}">{}{}</span>').format(name, shape(name), words)
 
 
 def risen(trend: Trend) -> tuple[str, str | None]:

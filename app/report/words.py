@@ -77,6 +77,8 @@ class Verdict:
     why: str = ""
     rest: str = ""
     """What cannot be excluded, and how many cases support it."""
+    open: tuple[str, ...] = ()
+    """The labels between which it is undecided, the most probable first."""
     again: bool = False
     """Whether the recording does not allow an answer, so that another one is needed first."""
 
@@ -288,9 +290,14 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
     short = tuple(flag["reason"] for flag in document["quality"] if flag["name"].startswith(TOO_SHORT))
     noted = (*short, *_remarks(document, SUREST), *(_remarks(document, NOT_COVERED) if good else ()))
     sure = f"{sure_words(document)}{limits_of(document) if good else _size(document)}".strip()
-    sure += "".join(f" {sentence(reason)}" for reason in noted)
+    sure += "".join(f" {_reason(reason)}" for reason in noted)
     rest = f"{_left(document)}{_support(document)}"
     return Verdict(headline, sure, label, checks_of(document, label), noted, why(document, [label]), rest)
+
+
+def _reason(text: str) -> str:
+    """Write a reason as a sentence, without its advice, which stands among what to do."""
+    return sentence(text.partition("; record ")[0])
 
 
 def judged(verdict: Verdict, row: StoredDiagnosis) -> Verdict:
@@ -370,7 +377,7 @@ def _not_in_library(document: Mapping[str, Any]) -> Verdict:
         summary = " ".join(map(sentence, (*too_short(document), *remarks)))
         return Verdict(f"No answer: {EMPTY}", summary, None, EMPTY_CHECKS, remarks)
     told = (*reasons, *(why or _remarks(document, UNLIKE)))
-    summary = " ".join(map(sentence, reasons if limit else told))
+    summary = " ".join(map(_reason, reasons if limit else told))
     kinds = (
         f"the one kind it knows, {name_of(document['hypotheses'][0]['label'])}" if _knows_one_label(document) else ""
     )
@@ -390,7 +397,9 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
     likely = [label for label in labels if not (found and label in BASELINES)][:2]
     names = " or ".join(map(name_of, likely))
     left = "" if _knows_one_label(document) else _left(document)
-    sure = " ".join(map(sentence, reasons)) if limit else border.strip()
+    unsaid = limit or not (found or set(likely) & set(BASELINES))
+    sure = " ".join(map(_reason, reasons)) if limit else border.strip()
+    sure = f"{_is_there(document, names)}{sure}" if unsaid else sure
     # what tells two faults apart is what each asks for first; that nothing is to be done cannot be said yet
     faults = [checks_of(document, label) for label in likely if label not in BASELINES]
     asked = [check for checks in faults for check in (checks[:-1] if len(faults) == 1 else checks[:1])]
@@ -405,7 +414,18 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
     checks = _again(document) if limit else tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *asked)))
     label, rest = likely[0] if found and not limit else None, f"{border if limit else ''}{left}{_support(document)}"
     sounds = "" if limit else why(document, likely)
-    return Verdict(headline, sure, label, checks, (*reasons, *told), sounds, rest, again=bool(limit))
+    return Verdict(headline, sure, label, checks, (*reasons, *told), sounds, rest, tuple(likely), again=bool(limit))
+
+
+def _is_there(document: Mapping[str, Any], names: str) -> str:
+    """Say whether there is a fault at all, with a space behind it; empty where that is not known."""
+    probability, present = document["fault"]["probability"], document["fault"]["present"]
+    if probability is None or _knows_one_label(document):
+        return ""
+    sure = f"{_written(probability)}{_doubt(document)}"
+    if present:
+        return f"A fault is likely ({sure}); whether it is {names} is open. "
+    return f"It may {'' if present is False else 'also '}be good: a fault has {sure}. "
 
 
 def is_compared(document: Mapping[str, Any]) -> bool:

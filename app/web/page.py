@@ -23,17 +23,7 @@ from app.axes import units_of
 from app.background_cache import Pending
 from app.fleet import natural
 from app.http.errors import Forbidden, NotAuthenticated, validation_problem
-from app.http.security import (
-    COOKIE,
-    Guard,
-    Principal,
-    Role,
-    admitted,
-    check_csrf,
-    csrf_token,
-    known,
-    signed_in,
-)
+from app.http.security import COOKIE, Guard, Principal, Role, admitted, check_csrf, csrf_token, known, signed_in
 from app.http.uploads import check_whole
 from app.report.formatting import ENVIRONMENT, WORDS, instant, sentence
 from app.service import Service, service_of

@@ -1,6 +1,7 @@
 """The fleet and the pages of gearboxes say what the rows say; nothing is worked out twice."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from datetime import timedelta
 from unittest.mock import patch
@@ -186,6 +187,8 @@ def test_a_large_fleet_is_read_page_by_page_and_state_by_state(service: Inside) 
         assert rows(service.browse("GET", f"/fleet{then[1]}").text) == whole[2:4]
     assert rows(service.browse("GET", "/fleet?state=good").text) == good
     assert f'<a href="?state=good">Good: {len(good)}</a>' in first
+    for words, count in Counter(row[0].partition(" for ")[0] for row in whole).items():
+        assert f">{words}: {count}<" in first
     assert service.browse("GET", "/fleet?state=unheard").status_code == 422
 
 

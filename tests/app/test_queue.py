@@ -43,10 +43,10 @@ def test_after_a_verdict_the_next_one_opens_and_undo_brings_the_last_one_back(
     first, second, third = waiting
     page = service.browse("GET", "/queue").text
     assert "3 left" in page
-    assert "Not in the library: 3" in page
+    assert "No answer: 3" in page
     assert page.index(first) < page.index(second) < page.index(third)
     assert f"/diagnoses/{third}?queue=1" in service.browse("GET", f"/diagnoses/{second}?queue=1").text
-    led = revise(service, first, verdict="corrected", label="play", queue="1")
+    led = revise(service, first, verdict="corrected play", queue="1")
     assert led.startswith(f"/diagnoses/{second}?queue=1&step=")
     page = service.browse("GET", led).text
     assert "3.wav: corrected as backlash." in page

@@ -29,7 +29,7 @@ def test_all_that_is_needed_is_on_the_first_screens(
     size = {"width": width, "height": height}
     with opened("admin", f"/diagnoses/{site.diagnosis}", viewport=size, color_scheme=scheme) as page:
         assert lowest(page) <= screens * height
-        expect(page.get_by_role("button", name="Confirm: ")).to_be_visible()
+        expect(page.get_by_role("button", name="no fault")).to_be_visible()
         expect(page.locator(".glance")).to_contain_text("after the first reversal")
         expect(page.locator("#evidence")).to_be_hidden()
         expect(page.locator(".player [part=knock]").first).to_be_visible()

@@ -82,11 +82,11 @@ def test_dropped_recording_is_diagnosed(opened: Opened, site: Site) -> None:
 
 
 def test_diagnose_listen_confirm_by_keyboard(opened: Opened, site: Site) -> None:
-    """No mouse: ? lists the keys, space plays, c confirms, z takes it back."""
+    """No mouse: ? lists the keys, space plays, x corrects, z takes it back."""
     with opened("operator", f"/diagnoses/{site.diagnosis}") as page:
         expect(page.get_by_role("button", name="Listen", exact=True)).to_be_visible()
         page.keyboard.press("?")
-        expect(page.locator("dialog#keys")).to_contain_text("Confirm the diagnosis")
+        expect(page.locator("dialog#keys")).to_contain_text("It was tooth damage")
         page.keyboard.press("Escape")
         page.keyboard.press("Space")
         expect(page.locator("[data-play]")).to_have_text("Pause")
@@ -150,7 +150,7 @@ def test_forms_work_without_script(opened: Opened, site: Site) -> None:
         form.get_by_role("button", name="Diagnose", exact=True).click()
         expect(page.locator("section.verdict h1")).not_to_be_empty()
         expect(page.locator("audio")).to_be_visible()
-        page.get_by_role("button", name="Confirm").click()
+        page.get_by_role("button", name="tooth damage").click()
         expect(page.get_by_text("Marked confirmed")).to_be_visible()
 
 
@@ -270,7 +270,7 @@ def test_better_model_is_accepted_once(opened: Opened, site: Site) -> None:
     """The story has overlay and residual as a pair with the noise floor; accepting it twice makes one revision."""
     path = f"/investigations/{site.investigation}"
     with opened("admin", path) as page:
-        expect(page.get_by_role("heading", level=1)).to_have_text("Found: friction asymmetry at motor")
+        expect(page.get_by_role("heading", level=1)).to_contain_text("Found: friction asymmetry at motor, ")
         cause = page.get_by_role("figure", name="Friction asymmetry at motor: torque over speed")
         expect(cause.locator("[data-ready] canvas")).to_be_visible()
         for folded in ("Details", "Measurement, model and residual", "Where the residual is"):

@@ -101,8 +101,17 @@ def test_of_a_recording_that_is_too_short_that_is_said_and_not_to_inspect_the_ge
 
 
 def test_a_diagnosis_of_a_short_recording_says_so_first() -> None:
-    noted = {**SHORT, "severity": "note"}
-    assert noted["reason"] in verdict_of(document(quality=[noted])).sure.lower()
+    noted = {**SHORT, "reason": f"{SHORT['reason']}; record three or more", "severity": "note"}
+    told = verdict_of(document(quality=[noted]))
+    assert SHORT["reason"] in told.sure.lower()
+    assert "record" not in told.sure.replace("recording", "")
+
+
+@pytest.mark.parametrize(("present", "said"), [(True, "A fault is likely"), (None, "also be good")])
+def test_of_what_is_too_short_it_is_said_if_a_fault_is_likely(present: bool | None, said: str) -> None:
+    told = verdict_of(undecided(quality=[SHORT], fault={"present": present, "probability": 0.8}))
+    assert said in told.sure.partition(".")[0]
+    assert told.open == ("notch", "play")
 
 
 def test_no_fault_says_what_the_motion_cannot_show() -> None:

@@ -21,7 +21,7 @@ from app.fleet import Gearbox, natural
 from app.http.errors import Unprocessable
 from app.report.charts import Window, charts_of
 from app.report.formatting import term
-from app.report.standing_words import day, evidence_words, next_steps, state_badge, trend_words, why
+from app.report.standing_words import Counted, day, evidence_words, next_steps, state_badge, state_of, trend_words, why
 from app.service import Reading, Service, TheService
 from app.web.forms import Fields
 from app.web.page import (
@@ -40,7 +40,7 @@ from casebase.alarms import rules
 from casebase.axes import axis_names, get_axis, is_axis, near_names, unknown_axis
 from casebase.description import check_choice, check_name
 from casebase.errors import NotFoundError
-from casebase.gearbox_state import Standing, State, standing
+from casebase.gearbox_state import Standing, standing
 from casebase.gearboxes import EXCHANGE, KINDS, NOTE, History, gearbox_names, places_of
 from casebase.labels import BASELINES
 from casebase.reasoning.trend import Trend, trend_of
@@ -247,7 +247,7 @@ SAID_BY = ("fault", "hypotheses", "labels", "quality", "remarks", "novelty", "re
 
 @fleet_router.get("/fleet")
 def fleet(
-    request: Request, session: Reading, service: TheService, _: PageViewer, state: State | None = None
+    request: Request, session: Reading, service: TheService, _: PageViewer, state: Counted | None = None
 ) -> Response:
     """The gearboxes with their states, the worst first: all of them or those in one state, a page of them."""
     begun = service.fleet_soon(session)
@@ -256,13 +256,12 @@ def fleet(
         basis = "all recordings, once after each start of the service"
         return waiting_page(request, begun, title="Fleet", words=words, basis=basis, section=FLEET)
     known = service.fleet.gearboxes(session, now(), service.settings.silent_after)
-    counts = Counter(row.state for row in known)
-    found = listing(request, session, [row for row in known if state in (None, row.state)], **ORDERS)
-    words_of = {each: term(each, "gearboxes") for each in State if counts[each]}
+    counts = Counter(state_of(row.standing) for row in known)
+    found = listing(request, session, [row for row in known if state in (None, state_of(row.standing))], **ORDERS)
     context = {
         "rows": in_words(session, service, found.rows),
-        "counts": [(each, words, counts[each]) for each, words in words_of.items()],
-        "states": [(each.value, words) for each, words in words_of.items()],
+        "counts": [(str(each), term(each, "gearboxes"), count) for each, count in counts.items()],
+        "states": [(str(each), term(each, "gearboxes")) for each in counts],
         "state": state,
         "list": found,
         "day": lambda value: day(value, service.settings.time_zone),

@@ -17,12 +17,7 @@ from app.investigations import investigations_from
 from app.recordings.intake import RecordingMetadata
 from app.report.diagnosis_view import diagnosis_html, view_of
 from app.report.standing_words import named_words
-from app.report.words import (
-    how_sure,
-    investigation_headline,
-    verdict_of,
-    verdict_word,
-)
+from app.report.words import how_sure, investigation_headline, verdict_of, verdict_word
 from app.service import Reading, Service, TheService
 from app.web import forms
 from app.web.page import (
@@ -45,13 +40,12 @@ from casebase.axes import find_axis
 from casebase.cycle.retain import is_undone
 from casebase.diagnoses import DiagnosisFilter, diagnoses_of, get_diagnosis, list_diagnoses, revise_diagnosis
 from casebase.errors import NotFoundError
-from casebase.queue import FAULT, UNDECIDED, UNKNOWN, place_in, proposed, waiting
+from casebase.queue import place_in, proposed, waiting
 from casebase.steps import last_step, newest_of, step_name, undo
 from casebase.store.models import Case, StoredDiagnosis, StoredRecording
 
 router = APIRouter()
 LONGEST_VERIFICATION = 500
-KINDS = {FAULT: "Fault likely, not confirmed", UNDECIDED: "Undecided", UNKNOWN: "Not in the library"}
 
 
 @router.get("/")
@@ -194,11 +188,12 @@ def revise(
     """Confirm, correct or reject, and keep it as a case if wanted; whoever came from the queue goes on to the next."""
     if len(verified_by) > LONGEST_VERIFICATION:
         raise Unprocessable(f"How it was verified may have {LONGEST_VERIFICATION} characters, not {len(verified_by)}.")
+    verdict, _, named = verdict.partition(" ")  # the button of a label of which it is undecided names it
     keeping = bool(keep) and verdict in ("confirmed", "corrected")
     if keeping:
         forms.may_keep(principal)
         forms.said_how(verification)
-    right = label() if verdict == "corrected" else None
+    right = (named or label()) if verdict == "corrected" else None
     name = step_name()
     place = place_in(queue_of(service), diagnosis_id) if queue else None
     with service.library.transaction(principal.actor, name) as session:
@@ -254,10 +249,10 @@ def queue(request: Request, service: TheService, session: Reading, _: PageViewer
     shown = list(found)[:ROWS]
     given = session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(shown)))
     rows = sorted(given, key=lambda row: shown.index(row.id))
-    kinds = Counter(found.values())
+    answers = [verdict_of(row.document) for row in rows]
     context: dict[str, object] = {
-        "kinds": [(words, kinds[kind]) for kind, words in KINDS.items() if kind in kinds],
-        "rows": [(row, verdict_of(row.document), naming.get(row.recording_id)) for row in rows],
+        "kinds": Counter(each.headline.partition(":")[0] for each in answers),
+        "rows": [(row, each, naming.get(row.recording_id)) for row, each in zip(rows, answers, strict=True)],
         "named_words": lambda fault: named_words(fault, service.settings.time_zone),
         "count": len(found),
         "proposed": proposed(session),

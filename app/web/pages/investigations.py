@@ -30,14 +30,7 @@ from signals.telemetry import CHANNELS, TIME
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.errors import AxisError
-from sim.investigation.report.box import (
-    box_of,
-    box_of_robot,
-    is_urgent,
-    refused,
-    rests_of_robot,
-    unexplained_words,
-)
+from sim.investigation.report.box import box_of, box_of_robot, is_urgent, refused, rests_of_robot, unexplained_words
 from sim.investigation.report.panels import SHOWS
 from sim.investigation.unexplained import unexplained_of
 

@@ -6,6 +6,7 @@ Made of the document alone, so that the page of a stored investigation, its repo
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -28,6 +29,7 @@ from sim.investigation.results import REPORTED
 from sim.investigation.unexplained import Unexplained, unexplained_of
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.catalogue import is_in_every_axis, kind_or_any
+from sim.mechanisms.friction.friction_asymmetry import FrictionAsymmetry
 
 Document = Mapping[str, Any]
 FLANKS = {1.0: "the one that carries positive torque", -1.0: "the one that carries negative torque"}
@@ -82,6 +84,15 @@ class Entry:
     finding: int | None = None  # place in the document
 
     @property
+    def steps(self) -> list[str]:
+        """What to do first, a sentence each.
+
+        >>> Entry("", "", "", "", "Measure first: Hold it (at rest). Then: Look at the brake.").steps
+        ['Measure first: Hold it (at rest).', 'Look at the brake.']
+        """
+        return re.split(r"(?<=[.!?]) (?=[A-Z])", self.do_first.replace(" Then: ", " "))
+
+    @property
     def facts(self) -> tuple[tuple[str, str], ...]:
         """The four answers under their headings."""
         sizes = "".join(f" {size.words}." for size in self.sizes)
@@ -121,7 +132,7 @@ def _found(finding: Document, axis: Axis | None, next_measurement: str) -> Entry
     name = named(mechanism) if probability >= REPORTED else f"suspected: {named(mechanism)}"
     return Entry(
         title=f"{name[:1].upper()}{name[1:]}",
-        what=f"{finding['explanation'].removesuffix(first).strip()} {_kind(mechanism)}".strip(),
+        what=f"{finding['explanation'].removesuffix(first).strip()} {_harder(finding)}{_kind(mechanism)}".strip(),
         where=_where(finding, axis, numbers),
         how_sure=_how_sure(finding),
         do_first=first or next_measurement,
@@ -131,6 +142,15 @@ def _found(finding: Document, axis: Axis | None, next_measurement: str) -> Entry
             if is_shown(mechanism, one["name"], one.get("low"), one.get("high"))
         ),
     )
+
+
+def _harder(finding: Document) -> str:
+    """In which direction the axis runs harder, where all numbers that are not zero for certain agree."""
+    known = [one for one in finding["parameters"] if is_number(one.get("low")) and one["low"] * one["high"] > 0.0]
+    ways = {"positive" if one["low"] > 0.0 else "negative" for one in known}
+    if finding["mechanism"] != FrictionAsymmetry.name or len(ways) != 1:
+        return ""
+    return f"The axis runs harder in the {ways.pop()} direction. "
 
 
 def as_new_words(as_new: str) -> str:

@@ -24,7 +24,7 @@ def action(axis: Axis, mechanism: str, location: str | None, numbers: Mapping[st
     """What to do now; of a name that is not sure, to measure first."""
     text = _filled(kind_or_any(mechanism).action, axis, location, numbers)
     first = "" if probability >= SURE else measurement(axis, mechanism, location, numbers)
-    return f"It is not sure yet. Measure first: {first} Then: {text}" if first else text
+    return f"Measure first: {first} Then: {text}" if first else text
 
 
 def measurement(axis: Axis, mechanism: str, location: str | None, numbers: Mapping[str, float]) -> str:

@@ -14,11 +14,11 @@ from sim import mechanisms
 from sim.description.axis import Axis
 from sim.investigation.data.excitation import turns
 from sim.investigation.hypotheses.identifiability import HALF
-from sim.investigation.report.formatting import angle, named, number, percent, words_of
+from sim.investigation.report.formatting import angle, likely, named, number, percent, sure, words_of
 from sim.investigation.report.maintenance_actions import SHOWN_RAD, measurement, of_the_measurement
 from sim.investigation.results import REPORTED
 from sim.investigation.unexplained import Unexplained
-from sim.mechanisms.catalogue import kind_of, kind_or_any
+from sim.mechanisms.catalogue import is_in_every_axis, kind_of, kind_or_any
 from sim.mechanisms.mechanism import Discriminating, Need
 
 if TYPE_CHECKING:
@@ -105,9 +105,12 @@ def headline(result: Investigation) -> str:
     beside = (f" Beside it: {either}." if either else "") + (
         f" The measurement also has faults: {faults}." if faults else ""
     )
-    if result.acoustic is not None:
-        return f"Heard: {_names(machine)}.{beside}"
-    return f"Found: {_names(machine)}.{beside}"
+    usual = ", ".join(named(f.mechanism, f.location) for f in machine if is_in_every_axis(f.mechanism))
+    found = "; ".join(_with_certainty(f) for f in machine if not is_in_every_axis(f.mechanism))
+    if usual:
+        beside = f" {'Also missing' if found else 'Missing'} from the description: {usual}.{beside}"
+    verb = "Found" if result.acoustic is None else "Heard"
+    return f"{verb}: {found}.{beside}" if found else f"{_silent(result)}{beside}"
 
 
 def _silent(result: Investigation) -> str:
@@ -119,8 +122,9 @@ def _silent(result: Investigation) -> str:
     return f"No fault is heard. Listened for: {examined}; nothing else was examined."
 
 
-def _names(findings: Sequence[Finding]) -> str:
-    return ", ".join(named(f.mechanism, f.location) for f in findings)
+def _with_certainty(f: Finding) -> str:
+    how_sure = likely(f.probability, calibrated=True) if f.calibrated else sure(f.probability)
+    return f"{named(f.mechanism, f.location)}, {how_sure}"
 
 
 def not_examined(result: Investigation) -> list[str]:

@@ -46,6 +46,15 @@ def test_how_sure_is_a_figure_only_where_that_is_calibrated() -> None:
     assert box_of(document, None)[0].how_sure == "very likely"
 
 
+@pytest.mark.parametrize(("low", "high", "way"), [(-45.0, -30.0, "negative"), (3.0, 9.0, "positive"), (-1.0, 2.0, "")])
+def test_friction_that_differs_says_in_which_direction(low: float, high: float, way: str) -> None:
+    document = found("friction_asymmetry", "coefficient_n_m_s_per_rad", "motor")
+    document["findings"][0]["parameters"][0] |= {"low": low, "high": high}
+    (entry,) = box_of(document, None)
+    assert ("direction" in entry.what) == bool(way)
+    assert way in entry.what
+
+
 @pytest.mark.parametrize(
     ("mechanism", "probability", "urgent"),
     [("tooth_damage", 0.95, True), ("tooth_damage", 0.4, False), ("torque_ripple", 0.95, False)],
