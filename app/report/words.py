@@ -155,7 +155,7 @@ def how_sure(document: Mapping[str, Any]) -> str:
     '94\\xa0%, not calibrated'
     """
     sure = certainty(document)
-    if sure is None or (document["verdict"] != "diagnosed" and _limit(document)[0]):
+    if sure is None or (document["verdict"] != "diagnosed" and _limit(document)[0] and not names_fault(document)):
         return "–"
     if document["verdict"] == "diagnosed":
         return f"{sure[0]}{_doubt(document)}"

@@ -106,7 +106,8 @@ def _others(session: Session, size: Size) -> None:
         }
         rows = ({**copied, "id": (one := new_id()), "job_id": one} for _ in range(size.others // 5))
         _insert(session, StoredInvestigation, rows)
-    finished = {"kind": "generation", "parameters": {}, "state": "done", "finished_at": now()}
+    result = {"new": 1, "known": 0, "counts": {"normal": 1}}
+    finished = {"kind": "simulations", "parameters": {}, "state": "done", "result": result, "finished_at": now()}
     _insert(session, StoredJob, ({**finished, "id": new_id()} for _ in range(size.others)))
     rule = session.scalars(select(AlarmRule).limit(1)).first()
     if rule is not None:
