@@ -59,7 +59,7 @@ def test_every_word_that_is_searched_stands_in_each_row(service: Inside) -> None
         ("/diagnoses", ("recording", "7.wav")),
         ("/fleet", ("a7",)),
         ("/axes", ("axis", "7")),
-        ("/jobs", ("generation",)),
+        ("/jobs", ("Simulation", "done")),
         ("/investigations", ("one body",)),
         ("/audit", ("Case", "added")),
     ):
