@@ -311,10 +311,11 @@ def main() -> None:
         {str(label): np.array([values for _, values in own]) for label, own in cases.items()},
     )
     ways = shifts(emulator)
+    asked_all = [query for _, queries in made for query in queries]
+    alone = [answered(_simulated_at(emulator, query.point), query) for query in asked_all]
     for gearboxes in (5, 10):
         print(f"library of {gearboxes} gearboxes")
-        names = (*ways, "calibrated shift", "simulated alone")
-        answers: dict[str, list[tuple[str, str | None]]] = {name: [] for name in names}
+        answers: dict[str, list[tuple[str, str | None]]] = {name: [] for name in (*ways, "calibrated shift")}
         for cases_of, queries in made:
             library = Library.of([each for each in cases_of if int(each.gearbox) % 1000 < gearboxes])
             still = library.reasoner(library.values)
@@ -327,9 +328,7 @@ def main() -> None:
                     answers[name].append(answered(reasoner, query))
                 moved_cases = library.values + factor * ways["simulated shift"](library, query.point)
                 answers["calibrated shift"].append(recalibrated(library.reasoner(moved_cases), calibration, query))
-                answers["simulated alone"].append(answered(_simulated_at(emulator, query.point), query))
-        asked_all = [query for _, queries in made for query in queries]
-        for name, own in answers.items():
+        for name, own in [*answers.items(), ("simulated alone", alone)]:
             print(line(name, asked_all, own), flush=True)
     everything = [each for pair in made for part in pair for each in part]
     print(f"a forest of the other draws: leads {_ceiling([[*library, *queries] for library, queries in made]):.2f}")
