@@ -10,7 +10,7 @@ from app.http.errors import TooLarge, Unprocessable
 from app.http.uploads import Upload, UploadedFile
 from app.investigations import Measured, Question, files_of, get_investigation, map_before, take_in, take_in_robot
 from app.service import Service
-from casebase.axes import get_axis
+from casebase.axes import get_axis, is_axis
 from casebase.diagnoses import get_diagnosis
 from casebase.store import revisions
 from casebase.store.models import RobotRevision, StoredInvestigation
@@ -18,6 +18,7 @@ from signals.reading.documents import parse_foreign
 from signals.telemetry import recognise_columns, recognise_joint_columns
 from sim.description.axis import Axis
 from sim.description.axis_document import parse_axis, read_axis
+from sim.investigation.model.one_body import UNDESCRIBED
 from sim.robot.foreign import ForeignRobot, check_foreign, foreign_robot
 from sim.robot.robot import LARGEST_URDF_BYTES
 
@@ -66,6 +67,12 @@ def completed(service: Service, upload: Upload) -> Upload:
     does not replace of the investigation that is asked for again."""
     upload = upload.filled()
     kind, _, name = upload.fields.pop("subject", "").partition("/")
+    new = upload.fields.pop("new_name", "")
+    if kind == "new" and new:
+        with service.library.reading() as session:
+            if is_axis(session, new):
+                raise Unprocessable(f"There is an axis {new!r}: choose it from the list, or give another name.")
+        upload.fields["axis"] = json.dumps({**UNDESCRIBED, "name": new})
     if name and not given(upload, "axis", "robot", "urdf"):
         upload.fields[kind] = name
     if again := upload.fields.pop("again", ""):

@@ -17,11 +17,9 @@ from sim.description.axis_document import read_axis
 from sim.investigation.assessment.remarks import excitation_remarks, shown_remark
 from sim.investigation.data.excitation import excitation_in
 from sim.investigation.kinematics.encoders_alone import NOT_TOLD
-from sim.investigation.model.one_body import with_motor_motion
+from sim.investigation.model.one_body import UNDESCRIBED, with_motor_motion
 
 NO_AXIS = "Choose the axis above to see what its gears can show."
-BODY: Mapping[str, Any] = {"motor": {}, "load": {"inertia_kg_m2": 0.0}}
-"""What is known of an axis that was not chosen."""
 
 
 def task(request: Mapping[str, Any], limits: Mapping[str, float], send: Send) -> None:
@@ -29,7 +27,7 @@ def task(request: Mapping[str, Any], limits: Mapping[str, float], send: Send) ->
     blocks: list[bytes] = []
     found = read({**request, "send": True}, limits, lambda block: blocks.append(bytes(block)))
     telemetry = telemetry_of(bytearray().join(blocks), found)
-    axis = read_axis(request["axis"] or BODY)
+    axis = read_axis(request["axis"] or UNDESCRIBED)
     telemetry = with_motor_motion(axis, telemetry)
     told = [*remarks(axis, telemetry), *([] if request["axis"] else [NO_AXIS])]
     courses = courses_of(telemetry, int(request["points"]))

@@ -50,6 +50,20 @@ def asked(site: Site, identity: str) -> tuple[object, str]:
         return row.axis, str(row.inputs["channels"])
 
 
+def test_an_axis_without_description_is_investigated(opened: Opened, site: Site, unnamed: Path) -> None:
+    with opened("operator", "/investigations/new") as page:
+        drop(page, unnamed)
+        choose(page, 1, "time", "s")
+        choose(page, 2, "load position", "rad")
+        choose(page, 14, "motor torque", "A")
+        page.get_by_label("constant of column 14", exact=True).fill("1")
+        page.get_by_label("Axis or robot").select_option("new")
+        page.get_by_role("button", name="Investigate").click()
+        expect(page.locator("[data-problem-here]")).to_contain_text("name")
+        page.get_by_label("Name of the new axis").fill("joint 1")
+        assert asked(site, started(page))[0] == "joint 1"
+
+
 def test_an_unnamed_log_is_investigated_and_its_map_is_kept(opened: Opened, site: Site, unnamed: Path) -> None:
     with opened("operator", "/investigations/new") as page:
         drop(page, unnamed)
@@ -88,7 +102,7 @@ def test_a_refusal_is_in_view_and_a_new_axis_is_chosen(opened: Opened, unnamed: 
         expect(page.locator("[data-problem-here]")).to_be_in_viewport()
         expect(page.get_by_label("Axis or robot")).to_be_focused()
         with page.context.expect_page() as opening:
-            page.get_by_role("link", name="describe it by a form").click()
+            page.get_by_role("link", name="Describe an axis by a form").click()
         form = opening.value
         form.get_by_label("Name of the axis").fill("waited for")
         form.get_by_role("button", name="Add the axis").click()

@@ -25,6 +25,7 @@ export function investigation(form) {
   const joint = (row) => Number(part(row, "joint").value);
   const constant = (row) => CONSTANTS[part(row, "unit").value] ?? FACTOR;
   const taken = (name) => rows.filter((row) => channel(row) === name).sort((a, b) => joint(a) - joint(b));
+  const isNew = () => field("subject").value === "new";
   const ofJoints = (name) => joints.length > 1 && name && name !== TIME;
   const words = (text) => Object.keys(units).reduce((said, name) => said.replaceAll(name, one(`option[value=${name}]`, template).textContent), text);
   function post(path, left = []) {
@@ -115,12 +116,14 @@ export function investigation(form) {
   function lacking() {
     const given = (...names) => names.some((name) => field(name)?.value);
     if (!given("subject", "axis", "robot", "urdf", "again", "diagnosis")) return [field("subject"), "Choose an axis or a robot."];
+    if (isNew() && !given("new_name")) return [field("new_name"), "Give the new axis a name."];
     return given("telemetry", "sound", "again", "diagnosis") ? null : [field("telemetry"), "Choose the log of the drive, or a sound."];
   }
   function outstanding() {
     const next = lacking() ?? missing();
     lacks.textContent = next ? `Not yet: ${next[1]}` : "";
     offset.hidden = !offset.dataset.offset && !field("sound")?.value;
+    field("new_name").parentElement.hidden = !isNew();
   }
   function wrong(row, text) {
     part(row, "wrong").textContent = text;
@@ -133,7 +136,7 @@ export function investigation(form) {
     if (others[0].place < row.place) return `${others[0].called} is this already: choose one of them.`;
     if (!part(row, "unit").value) return "Choose its unit.";
     const { required, value, validity } = part(row, "constant"); // what is disabled while a log is read is valid
-    if (validity.badInput || (required && !value)) return `Give the number beside its unit: ${constant(row)[1]}.`;
+    if (validity.badInput || (required && !value)) return `Give the number beside its unit: ${constant(row)[1]}${constant(row) === CONSTANTS.A ? "; 1 if nobody knows it: torques are in amperes then" : ""}.`;
     const lacking = ofJoints(channel(row)) && joints.length - taken(channel(row)).length;
     return lacking > 0 ? `A column for each joint is needed, ${lacking} are not chosen.` : "";
   }

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from signals.telemetry import Telemetry
 from sim.description.axis import Axis, Load, LoadEncoder, Transmission
@@ -25,6 +27,10 @@ BY_THE_RATIO = (
     "No channel has the motion of the motor: it was taken from that of the load by the ratio, as of rigid gears, so "
     "what the gears do in between is not seen."
 )
+
+
+UNDESCRIBED: Mapping[str, Any] = {"motor": {}, "load": {"inertia_kg_m2": 0.0}}
+"""An axis of which nothing is known: one body, of an inertia to be estimated."""
 
 
 def with_motor_motion(axis: Axis, telemetry: Telemetry) -> Telemetry:
