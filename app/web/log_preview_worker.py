@@ -28,8 +28,7 @@ def task(request: Mapping[str, Any], limits: Mapping[str, float], send: Send) ->
     found = read({**request, "send": True}, limits, lambda block: blocks.append(bytes(block)))
     telemetry = telemetry_of(bytearray().join(blocks), found)
     axis = read_axis(request["axis"] or UNDESCRIBED)
-    telemetry = with_motor_motion(axis, telemetry)
-    told = [*remarks(axis, telemetry), *([] if request["axis"] else [NO_AXIS])]
+    told = [*remarks(axis, with_motor_motion(axis, telemetry)), *([] if request["axis"] else [NO_AXIS])]
     courses = courses_of(telemetry, int(request["points"]))
     send(json.dumps({**courses, "remarks": told}).encode())
 

@@ -217,7 +217,7 @@ def test_sound_and_log_lie_over_each_other_before_anything_is_asked(opened: Open
         preview = page.get_by_role("region", name="Preview")
         expect(preview.get_by_text("2000 rows, 19.99 s")).to_be_visible(timeout=60_000)
         expect(preview.get_by_text("motor speed, at most 5 rad/s")).to_be_visible()
-        expect(preview.get_by_text("100 rows per second for 20 s, without an encoder at the load")).to_be_visible()
+        expect(preview.get_by_text("100 rows per second for 20 s of one encoder")).to_be_visible()
         page.get_by_label("Sound", exact=True).set_input_files(site.recording)
         expect(preview.get_by_text("level of the sound")).to_be_visible()
         begins = []

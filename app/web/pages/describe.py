@@ -44,6 +44,8 @@ def form(
     if template and template not in TEMPLATES:
         raise Unprocessable(f"There is no template {template!r}; there are {', '.join(TEMPLATES)}.")
     values = filled(TEMPLATES[template].document("")) if template else {}
+    if back:
+        values["motor.inertia_kg_m2"] = ""  # a log shows it, and nobody knows it by the gear
     return _form(request, values, template=template, back=back)
 
 

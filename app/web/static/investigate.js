@@ -136,7 +136,7 @@ export function investigation(form) {
     if (others[0].place < row.place) return `${others[0].called} is this already: choose one of them.`;
     if (!part(row, "unit").value) return "Choose its unit.";
     const { required, value, validity } = part(row, "constant"); // what is disabled while a log is read is valid
-    if (validity.badInput || (required && !value)) return `Give the number beside its unit: ${constant(row)[1]}${constant(row) === CONSTANTS.A ? "; 1 if nobody knows it: torques are in amperes then" : ""}.`;
+    if (validity.badInput || (required && !value)) return `Give the number beside its unit: ${constant(row)[1]}${constant(row) === CONSTANTS.A ? "; 1 if nobody knows it, and read A for N m in what is found" : ""}.`;
     const lacking = ofJoints(channel(row)) && joints.length - taken(channel(row)).length;
     return lacking > 0 ? `A column for each joint is needed, ${lacking} are not chosen.` : "";
   }

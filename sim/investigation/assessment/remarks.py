@@ -73,10 +73,9 @@ def shown_remark(axis: Axis, e: Excitation) -> str:
     reach = f" (at the usual speed up to {fastest} times per turn of the motor)" if fastest else ""
     of_any_order = {name for name, kind in MECHANISMS.items() if kind.traits.identified_by == "order"}
     found = [named(name) + _at(places) + reach * (name in of_any_order) for name, places in said.found.items()]
-    encoder = "with" if e.at_load else "without"
     out = [
-        f"{e.rate_hz:.4g} rows per second for {e.seconds:.3g} s, {encoder} an encoder at the load, can show: "
-        f"{', '.join(found)}."
+        f"{e.rate_hz:.4g} rows per second for {e.seconds:.3g} s of {'two encoders' if e.at_load else 'one encoder'} "
+        f"can show: {', '.join(found)}."
     ]
     hidden = [
         f"{', '.join(named(name) + _at(places) for name, places in those.items())} (needs {need.value})"

@@ -134,8 +134,8 @@ NEXT = (
     "reversal."
 )
 NOT_TOLD = (
-    "Without motor_torque_nm only what the two encoders differ by was examined; friction, inertia, stiffness, weight, "
-    "losses and ripple of the torque were not, and no number of the description was fitted."
+    "Without the motor torque only what two encoders differ by is examined; friction, inertia, stiffness, weight, "
+    "losses and ripple of the torque are not, and no number of the description is fitted."
 )
 PULLED_ALONE = (
     "The load was moved by hand while the motor held; what moves with the motor was not examined: give a record of "

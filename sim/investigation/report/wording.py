@@ -62,7 +62,7 @@ def explain(
         said.append(f"Its bottom is {bottom} (form {numbers['form']:.1f}).")
     said += [f"Where it is is not certain: at {place} it explains the data as well." for place in elsewhere]
     said += [
-        f"{named(other)[:1].upper()}{named(other)[1:]} is less likely: in its place it explains {percent(share)} as much."
+        f"{named(other)[:1].upper()}{named(other)[1:]} is less likely: it explains {percent(share)} of what this explains."
         for other, share in instead.items()
         if share > ALIKE
     ]

@@ -29,8 +29,7 @@ class FrictionAsymmetry(Mechanics):
     signature = Signature("speed", direction="one")
     sentence = "Friction differs between the two directions of motion: the axis runs harder one way."
     action = (
-        "Zero the torque channel at standstill, because an offset looks nearly the same. Then look for what drags one "
-        "way only: a brake that rubs, a preloaded screw or seal, a cable or hose that pulls."
+        "Look for what drags one way only: a brake that rubs, a preloaded screw or seal, a cable or hose that pulls."
     )
     check = Discriminating.AT_REST.value
     traits = Traits(
