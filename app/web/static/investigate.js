@@ -293,7 +293,7 @@ export function investigation(form) {
     looked(["as_new", "telemetry", "again"], (found) => void (sound = found), ({ message }) => message);
   });
   field("sound_offset_s").addEventListener("input", show);
-  form.addEventListener("change", outstanding);
+  for (const each of ["change", "input"]) form.addEventListener(each, outstanding);
   outstanding();
   if (field("again")) columns(map.value);
 
