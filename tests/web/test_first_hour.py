@@ -4,6 +4,7 @@ import re
 import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 import soundfile
@@ -22,6 +23,7 @@ from tests.web.conftest import ARGUMENTS, NAMES, sign_in, watched
 
 CAPTURED_HZ = 48_000
 SECONDS = 8.0
+SENTENCES: Any = ENVIRONMENT.get_template("_hour.html").module
 
 
 @pytest.fixture
@@ -80,26 +82,15 @@ def test_the_first_hour_from_an_empty_data_directory(page: Page) -> None:
 
 
 def hour(
-    cases: Mapping[str, LabelCases],
-    outcomes: tuple[Outcome, ...] = (),
-    gearboxes: int = 0,
-    stiffness: float | None = 1e5,
+    cases: Mapping[str, LabelCases], outcomes: tuple[Outcome, ...] = (), boxes: int = 0, stiffness: float | None = 1e5
 ) -> Hour:
     """Where an axis with these cases stands."""
     document = {"name": "bench", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 40.0}}
     stages = [{"name": "output", "driver_teeth": 12, "driven_teeth": 96, "stiffness_n_m_per_rad": stiffness}]
     row = AxisRevision(name="bench", revision=1, document={**document, "stages": stages})
     nothing = Proportion(0, 0)
-    found = Evaluation("gearbox", "both", len(outcomes), 0, gearboxes, nothing, nothing, nothing, {}, {}, {}, outcomes)
-    return Hour(row, cases, (), None, found, gearboxes)
-
-
-def how_well(known: Hour) -> str:
-    return str(ENVIRONMENT.get_template("_hour.html").module.how_well(known))  # type: ignore[attr-defined]
-
-
-def advised(known: Hour) -> list[str]:
-    return [ENVIRONMENT.get_template("_hour.html").module.advised(one, known) for one in known.advice]  # type: ignore[attr-defined]
+    found = Evaluation("gearbox", "both", len(outcomes), 0, boxes, nothing, nothing, nothing, {}, {}, {}, outcomes)
+    return Hour(row, cases, (), None, found, boxes)
 
 
 def outcome(case: str, answer: str, verdict: str = "diagnosed", origin: str = "measured") -> Outcome:
@@ -110,15 +101,15 @@ def test_no_more_is_said_than_is_known() -> None:
     """Simulated answers are no measured ones, one gearbox is no two, and none of no fault says nothing of a fault."""
     simulated = {label: LabelCases(simulated=20) for label in ("normal", "notch", "play")}
     of_simulated = tuple(outcome(f"s{k}", "normal", origin="simulated") for k in range(20))
-    words = how_well(hour(simulated, of_simulated))
+    words = SENTENCES.how_well(hour(simulated, of_simulated))
     assert "Of simulated gearboxes of this axis it names 20 of 20 rightly." in words
     assert "on your gearbox is not known" in words
     assert not hour(simulated, of_simulated).done["how-well"]
     kept = {**simulated, "normal": LabelCases(measured=5, gearboxes=frozenset({"g1"}), simulated=20)}
     answered = tuple(outcome(f"m{k}", "normal", "ambiguous" if k == 4 else "diagnosed") for k in range(5))
-    whole = hour(kept, answered + of_simulated, gearboxes=1)
-    assert "it names 4 of 5 of your recordings rightly" in how_well(whole)
-    assert "known from simulation alone" in how_well(whole)
+    whole = hour(kept, answered + of_simulated, boxes=1)
+    assert "it names 4 of 5 of your recordings rightly" in SENTENCES.how_well(whole)
+    assert "known from simulation alone" in SENTENCES.how_well(whole)
     kinds = {one.kind for one in whole.advice}
     assert "normal" not in kinds, "five are enough"
     assert {"second", "fault"} <= kinds
@@ -129,7 +120,7 @@ def test_what_is_named_wrongly_is_shown() -> None:
     answered = (outcome("m0", "play"), *(outcome(f"m{k}", "normal") for k in range(1, 5)))
     known = hour(kept, answered, 2)
     assert "/cases/m0" in [one.path for one in known.advice]
-    assert any("1 case of no fault" in one for one in advised(known))
+    assert any("1 case of no fault" in SENTENCES.advised(one, known) for one in known.advice)
 
 
 @pytest.mark.parametrize(("right", "of", "done"), [(0, 3, False), (3, 3, False), (5, 5, True)])
@@ -143,9 +134,8 @@ def test_a_description_that_cannot_be_simulated_is_to_be_completed() -> None:
     kept = {"normal": LabelCases(measured=5, gearboxes=frozenset({"g1"}))}
     rigid = hour(kept, stiffness=None)
     assert not rigid.done["simulate"]
-    assert rigid.next is not None
     assert rigid.next.kind == "complete"
-    assert "stiffness" in advised(rigid)[0]
+    assert "stiffness" in SENTENCES.advised(rigid.next, rigid)
     assert hour(kept).next != rigid.next
     few = {"normal": LabelCases(measured=1, gearboxes=frozenset({"g1"}))}
     assert hour(few, stiffness=None).advice[0].kind == "normal", "there is more to do than that"

@@ -25,7 +25,6 @@ export function recorder(root, form) {
   const player = document.createElement("audio");
   player.controls = true;
   let running = null;
-  root.hidden = false;
 
   async function begin() {
     if (!navigator.mediaDevices?.getUserMedia) throw new Error("this browser records only over HTTPS or on the machine of the service. Record with the telephone's own recorder and choose the file.");
