@@ -88,7 +88,6 @@ def _file_headers(row: StoredRecording) -> dict[str, str]:
     return {
         **UNTIL_ERASED,
         "ETag": _etag(row),
-        "Accept-Ranges": "bytes",
         "Content-Disposition": f"inline; filename*=UTF-8''{quote(row.file_name)}",
     }
 
@@ -98,21 +97,28 @@ def file_answer(service: Service, row: StoredRecording, byte_range: str | None, 
     path = service.library.retrieve.audio_path(row)
     headers, etag = _file_headers(row), _etag(row)
     wanted = byte_range if if_range in (None, etag) else None
-    start, end = asked_range(wanted, row.byte_count)
-    partial = (start, end) != (0, row.byte_count)
-    headers["Content-Length"] = str(end - start)
-    if partial:
-        headers["Content-Range"] = f"bytes {start}-{end - 1}/{row.byte_count}"
-    code = status.HTTP_206_PARTIAL_CONTENT if partial else status.HTTP_200_OK
+    start, end, code, ranged = asked_range(wanted, row.byte_count)
+    headers |= {**ranged, "Content-Length": str(end - start)}
     return StreamingResponse(_bytes(path, start, end), code, headers, media_type=media_type_of(row.file_name))
 
 
-def asked_range(header: str | None, size: int) -> tuple[int, int]:
-    """Return the bytes asked for as [start, end); everything where the header is no single range of bytes.
+def asked_range(header: str | None, size: int) -> tuple[int, int, int, dict[str, str]]:
+    """Return the bytes asked for as [start, end), with the status and headers of an answer that has them.
+
+    Everything is asked for where the header is no single range of bytes.
 
     Raises:
         RangeNotSatisfiable: if the range begins behind the end.
     """
+    start, end = _range(header, size)
+    headers = {"Accept-Ranges": "bytes"}
+    if (start, end) == (0, size):
+        return start, end, status.HTTP_200_OK, headers
+    headers["Content-Range"] = f"bytes {start}-{end - 1}/{size}"
+    return start, end, status.HTTP_206_PARTIAL_CONTENT, headers
+
+
+def _range(header: str | None, size: int) -> tuple[int, int]:
     match = SINGLE_RANGE.fullmatch(header.strip()) if header else None
     if match is None or match.groups() == ("", ""):
         return 0, size

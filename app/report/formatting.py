@@ -76,6 +76,15 @@ def in_series(words: Iterable[str], joined: str = "and") -> str:
     return f"{', '.join(others)} {joined} {last}" if others else last
 
 
+def counted(number: int, one: str, more: str = "") -> str:
+    """Write a number of things.
+
+    >>> counted(1, "case"), counted(2, "case"), counted(2, "gearbox", "gearboxes")
+    ('1 case', '2 cases', '2 gearboxes')
+    """
+    return f"{number} {one if number == 1 else more or f'{one}s'}"
+
+
 @lru_cache(maxsize=256)
 def shape(label: str | None) -> Markup:
     """Draw the shape that belongs to a label, so that colour never speaks alone."""
@@ -175,6 +184,8 @@ def _environment() -> Environment:
     )
     environment.filters.update(
         changes=changes,
+        counted=counted,
+        in_series=in_series,
         term=term,
         person=person,
         reason=reason,

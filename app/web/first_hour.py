@@ -1,7 +1,7 @@
-"""The first hour on an axis in words: which step is next, how well the library does, what would make it better."""
+"""Where the first hour on an axis stands: which step is next, how well the library does, what would make it better."""
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from typing import NamedTuple
 from sqlalchemy.orm import Session
 
 from app.jobs.job import Job
-from app.report.formatting import in_series, name_of, percent, sentence
+from app.report.formatting import name_of
 from app.report.words import CALIBRATED_FROM
 from app.service import Service
 from casebase.labels import BASELINES
@@ -17,22 +17,13 @@ from casebase.origins import MEASURED, SIMULATED
 from casebase.reasoning.evaluation import Evaluation, Proportion
 from casebase.search.axis_cases import LabelCases, Taken, cases_of_axes
 from casebase.store.models import AxisRevision
+from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.experiment.design_of_experiments import LABELS, obstacle
 
 ENOUGH = 5
 """Fewest recordings of which it is no chance that all are answered rightly: heads or tails does it once in 32 times,
 less often than once in twenty (the sign test)."""
-NUMBERS = ("no", "one", "two", "three", "four", "five")
-
-
-class Advice(NamedTuple):
-    """What would make the library better on an axis: a sentence on what to do, why, and where (below the root)."""
-
-    do: str
-    why: str
-    path: str = ""
-    link: str = ""
 
 
 class Answers(NamedTuple):
@@ -50,13 +41,15 @@ class Answers(NamedTuple):
     wrong: tuple[str, ...]
 
 
-class Step(NamedTuple):
-    """One step: whether it is done, and its result in a sentence."""
+class Advice(NamedTuple):
+    """What would make the library better on an axis, and where (below the root); `of` answers, if they say so.
 
-    key: str
-    title: str
-    done: bool
-    result: str
+    Its sentences stand in _hour.html.
+    """
+
+    kind: str
+    path: str = ""
+    of: Answers | None = None
 
 
 @dataclass(frozen=True)
@@ -65,7 +58,6 @@ class Hour:
 
     Args:
         axis: its description; None where it is not described.
-        obstacles: the usual labels, each with why no case of it can be simulated; None where it can.
         cases: by label.
         taken: the newest measured recordings.
         job: the newest simulation of its cases.
@@ -73,14 +65,20 @@ class Hour:
         gearboxes: measured ones that the whole library knows.
     """
 
-    name: str
     axis: AxisRevision | None
-    obstacles: Mapping[str, str | None]
     cases: Mapping[str, LabelCases]
     taken: Sequence[Taken]
     job: Job | None
     evaluation: Evaluation | None
     gearboxes: int
+
+    @cached_property
+    def description(self) -> Axis | None:
+        return None if self.axis is None else read_axis(self.axis.document)
+
+    @cached_property
+    def obstacles(self) -> Mapping[str, str | None]:
+        return obstacles(self.axis)
 
     @cached_property
     def known(self) -> LabelCases:
@@ -100,15 +98,37 @@ class Hour:
         return tuple(label for label, why in self.obstacles.items() if why is None)
 
     @property
+    def blocked(self) -> Mapping[str, str]:
+        """Names of the others, each with what the description lacks."""
+        return {name_of(label): why for label, why in self.obstacles.items() if why is not None}
+
+    @property
     def labels(self) -> tuple[str, ...]:
         """Labels of its cases and those that can be simulated, good ones first."""
         return tuple(sorted({*self.cases, *self.obstacles}, key=lambda label: (label not in BASELINES, label)))
 
     @property
-    def is_simulated(self) -> bool:
-        """Whether all is simulated that there is of it; of an axis without gears that is nothing."""
+    def faults(self) -> list[str]:
+        """Names of those that were never recorded here."""
+        known = {*BASELINES, *(label for label, each in self.cases.items() if each.measured)}
+        return [name_of(label) for label in self.labels if label not in known]
+
+    def of_labels(self, origin: str) -> list[str]:
+        """How many cases of an origin each label has, in words."""
+        counts = {label: int(getattr(each, origin)) for label, each in self.cases.items()}
+        return [f"{count} {name_of(label)}" for label, count in counts.items() if count]
+
+    @property
+    def done(self) -> Mapping[str, bool]:
+        """The four steps in their order, and which are done."""
         lacking = any(label not in self.cases for label in self.offered)
-        return self.axis is not None and not lacking and not (self.obstacles and not self.offered)
+        return {
+            "describe": self.axis is not None,
+            "record": self.known.measured > self.poor,
+            # of an axis without gears nothing is to be simulated
+            "simulate": self.axis is not None and not lacking and not (self.obstacles and not self.offered),
+            "how-well": self.total(MEASURED).interval[0] > 0.5,  # more often right than not, beyond chance
+        }
 
     @property
     def is_simulating(self) -> bool:
@@ -121,58 +141,69 @@ class Hour:
         return sum(any(isinstance(flag, Mapping) and flag.get("severity") == "poor" for flag in of) for of in flags)
 
     @property
-    def does_well(self) -> bool:
-        """Whether its recordings are named rightly more often than not, beyond chance."""
-        return _total(self.answers(MEASURED)).interval[0] > 0.5
+    def good(self) -> int:
+        """How many measured cases of a good gearbox there are."""
+        return sum(each.measured for label, each in self.cases.items() if label in BASELINES)
+
+    @property
+    def lacking(self) -> int:
+        """How many more of them are enough."""
+        return max(0, ENOUGH - self.good)
 
     @property
     def is_asked(self) -> bool:
         """Whether it is being worked out how well the library does."""
         return self.evaluation is None and bool(self.known.measured or self.known.simulated)
 
-    def answers(self, origin: str) -> tuple[Answers, ...]:
-        """Return what became of the held-out cases of an origin, label by label; labels without any are left out."""
-        outcomes = [one for one in self.evaluation.outcomes if one.origin == origin] if self.evaluation else []
-        found = []
-        for label in self.labels:
-            own = [one for one in outcomes if one.truth == label]
+    @cached_property
+    def answers(self) -> Mapping[str, Mapping[str, Answers]]:
+        """What became of the held-out cases, by origin and label; labels without any are left out."""
+        found: dict[str, dict[str, Answers]] = {MEASURED: {}, SIMULATED: {}}
+        outcomes = self.evaluation.outcomes if self.evaluation else ()
+        for origin, label in ((origin, label) for origin in found for label in self.labels):
+            own = [one for one in outcomes if (one.origin, one.truth) == (origin, label)]
             wrong = tuple(one.case_id for one in own if one.verdict == "diagnosed" and not one.right)
             count = Counter(one.verdict for one in own)
             right, undecided, unlike = count["diagnosed"] - len(wrong), count["ambiguous"], count["not_in_library"]
-            found.append(Answers(label, right, len(own), undecided, unlike, wrong))
-        return tuple(each for each in found if each.of)
+            if own:
+                found[origin][label] = Answers(label, right, len(own), undecided, unlike, wrong)
+        return found
 
-    @property
-    def steps(self) -> tuple[Step, ...]:
-        """The four steps in their order."""
-        return (
-            Step("describe", "Describe the axis", self.axis is not None, described(self.axis)),
-            Step("record", "Record its gearbox", self.known.measured > self.poor, recorded(self)),
-            Step("simulate", "Simulate its cases", self.is_simulated, simulated(self)),
-            Step("how-well", "How well does it do?", self.does_well, how_well(self)),
-        )
+    def total(self, origin: str) -> Proportion:
+        """How many of the held-out cases of an origin were named rightly."""
+        answers = self.answers[origin].values()
+        return Proportion(sum(each.right for each in answers), sum(each.of for each in answers))
 
     @property
     def next(self) -> Advice | None:
         """The one next thing to do; None where nothing is left."""
+        is_simulated = self.done["simulate"]
         if self.axis is None:
-            return Advice("Describe the axis.", "Its teeth and inertias say what its faults sound like.", "#describe")
+            return Advice("describe", "#describe")
         if not self.known.measured:
-            return Advice("Record its gearbox.", "One good recording is enough to go on with.", "#record")
+            return Advice("record", "#record")
         if self.is_simulating:
-            return Advice("Wait for the simulation.", "The page goes on by itself.")
-        if not self.is_simulated and self.offered:
-            return Advice("Simulate its cases.", "It has none of faults that you could not record yet.", "#simulate")
-        if self.is_asked and self.is_simulated:
-            return Advice(
-                "Wait for step 4, how well it does.", "It is being worked out, and the page goes on by itself."
-            )
+            return Advice("simulating")
+        if not is_simulated and self.offered:
+            return Advice("simulate", "#simulate")
+        if self.is_asked and is_simulated:
+            return Advice("evaluating")
         return next(iter(self.advice), None)
 
-    @property
+    @cached_property
     def advice(self) -> tuple[Advice, ...]:
         """What would make the library better on this axis, what helps most first."""
-        return (*_of_cases(self), *_of_answers(self), *_of_habits(self))
+        known = self.known
+        found = [Advice("poor", "#record")] if self.poor else []
+        found += [Advice("normal", "#record")] if self.lacking else []
+        found += [Advice("complete", "#describe")] if self.blocked else []
+        found += [Advice("second", "#record")] if known.measured and len(known.gearboxes) < CALIBRATED_FROM else []
+        for each in self.answers[MEASURED].values():
+            found += [Advice("wrong", f"/cases/{each.wrong[0]}", each)] if each.wrong else []
+            found += [Advice("unnamed", "#record", each)] if each.undecided + each.unlike and each.of >= ENOUGH else []
+        found += [Advice("name")] if known.unnamed else []
+        found += [Advice("fit")] if known.set_aside else []
+        return (*found, *([Advice("fault", "#record")] if self.faults else []))
 
 
 def obstacles(row: AxisRevision | None) -> Mapping[str, str | None]:
@@ -187,162 +218,3 @@ def obstacles(row: AxisRevision | None) -> Mapping[str, str | None]:
 def axis_cases(service: Service, session: Session) -> Mapping[str | None, Mapping[str, LabelCases]]:
     """Return the cases of every axis by label, counted once for every version of the library."""
     return service.counted(session, "cases of axes", lambda: cases_of_axes(session))
-
-
-def _units(gearboxes: Collection[str]) -> str:
-    return counted(len(gearboxes), "gearbox", "gearboxes") if gearboxes else "gearboxes without a name"
-
-
-def described(row: AxisRevision | None) -> str:
-    """Say what the description of an axis has."""
-    if row is None:
-        return "It is not described yet."
-    axis = read_axis(row.document)
-    if not axis.stages:
-        return f"Revision {row.revision}: a direct drive. It has no gear whose faults could be simulated."
-    names = ", ".join(stage.name for stage in axis.stages)
-    return f"Revision {row.revision}: {counted(len(axis.stages), 'gear stage')} ({names}), ratio {axis.ratio:.4g}."
-
-
-def recorded(hour: Hour) -> str:
-    """Say how much of the axis was recorded and kept."""
-    if not hour.taken:
-        return "No recording yet."
-    if not hour.known.measured:
-        return "It was recorded, but no recording is a case of the library yet: nobody said what the gearbox has."
-    kept = [f"{each.measured} {name_of(label)}" for label, each in hour.cases.items() if each.measured]
-    return f"{counted(hour.known.measured, 'measured case')} of {_units(hour.known.gearboxes)}: {in_series(kept)}."
-
-
-def simulated(hour: Hour) -> str:
-    """Say which cases were simulated for the axis."""
-    made = [f"{each.simulated} {name_of(label)}" for label, each in hour.cases.items() if each.simulated]
-    if hour.axis is not None and not hour.obstacles:
-        return "Nothing to do: an axis without a gear stage has no such faults."
-    words = (
-        f"{counted(hour.known.simulated, 'simulated case')}: {in_series(made)}." if made else "No simulated case yet."
-    )
-    aside = hour.known.set_aside
-    return f"{words} {aside} more lie far from your recordings and are not used." if aside else words
-
-
-def how_well(hour: Hour) -> str:
-    """Say how well the library does on the axis, no better than is known."""
-    if not hour.known.measured and not hour.known.simulated:
-        return "Nothing is known yet: the library has no case of this axis."
-    if hour.evaluation is None:
-        return "It is being worked out: each gearbox is left out once, and the library answers without it."
-    real, made = hour.answers(MEASURED), hour.answers(SIMULATED)
-    if not real:
-        of_simulated = f"Of simulated gearboxes of this axis it names {_share(made)} rightly. " if made else ""
-        why = (
-            "without it the library has nothing to answer from, so it cannot be left out"
-            if hour.known.measured
-            else "none was recorded and kept"
-        )
-        return f"{of_simulated}How well it does on your gearbox is not known: {why}."
-    low, high = _total(real).interval
-    words = (
-        f"With the gearbox held out, it names {_share(real)} of your recordings rightly. Of many more like them it "
-        f"would be {percent(low)} to {percent(high)} (95 % interval)."
-    )
-    if all(each.label in BASELINES for each in real):
-        words += " No fault was recorded here: whether it hears one is known from simulation alone."
-        if made:
-            words += f" Of simulated gearboxes it names {_share(made)} rightly."
-    return words
-
-
-def _total(answers: Sequence[Answers]) -> Proportion:
-    return Proportion(sum(each.right for each in answers), sum(each.of for each in answers))
-
-
-def _share(answers: Sequence[Answers]) -> str:
-    total = _total(answers)
-    return f"{total.right} of {total.of}"
-
-
-def _of_cases(hour: Hour) -> Iterator[Advice]:
-    """What description and recordings lack."""
-    if hour.poor:
-        yield Advice(
-            f"Record again, as the check says, what is poor of the newest: {counted(hour.poor, 'recording')}.",
-            "A poor recording adds its disturbance to the library.",
-            "#record",
-        )
-    good = sum(each.measured for label, each in hour.cases.items() if label in BASELINES)
-    units = sorted(hour.known.gearboxes)
-    if good < ENOUGH:
-        recordings = f"{'more ' if good else ''}normal recording{'' if ENOUGH - good == 1 else 's'}"
-        yield Advice(
-            f"Record {NUMBERS[ENOUGH - good]} {recordings} of {f'gearbox {units[0]}' if units else 'a good gearbox'}.",
-            f"{NUMBERS[ENOUGH].capitalize()} right answers of {NUMBERS[ENOUGH]} are hardly chance; of fewer they may "
-            "be.",
-            "#record",
-        )
-    blocked = {name_of(label): why for label, why in hour.obstacles.items() if why is not None}
-    if blocked:
-        words = f"so that cases of {in_series(blocked)} can be simulated."
-        yield Advice(f"Complete the description, {words}", sentence(next(iter(blocked.values()))), "#describe")
-    if hour.known.measured and len(units) < CALIBRATED_FROM:
-        calibrated = " Until the library knows two, it is not calibrated how sure an answer is."
-        yield Advice(
-            "Record a second gearbox of this axis, or of the same kind, if there is one.",
-            "One gearbox does not show in what gearboxes differ."
-            f"{calibrated if hour.gearboxes < CALIBRATED_FROM else ''}",
-            "#record",
-        )
-
-
-def _of_answers(hour: Hour) -> Iterator[Advice]:
-    """What its recordings were answered, each with its gearbox left out."""
-    for each in hour.answers(MEASURED):
-        if each.wrong:
-            yield Advice(
-                f"Look at {counted(len(each.wrong), 'case')} of {name_of(each.label)} that it names otherwise.",
-                "The label is wrong, the recording is poor, or the library knows too little of this sound.",
-                f"/cases/{each.wrong[0]}",
-                "The first of them" if len(each.wrong) > 1 else "The case",
-            )
-        unnamed = each.undecided + each.unlike
-        if unnamed and each.of >= ENOUGH:
-            yield Advice(
-                f"Record {name_of(each.label)} of another gearbox, in the same motion.",
-                f"With their gearbox left out, {unnamed} of {each.of} get no name.",
-                "#record",
-            )
-
-
-def _of_habits(hour: Hour) -> Iterator[Advice]:
-    """What is to be done with every recording from now on."""
-    unnamed, aside = hour.known.unnamed, hour.known.set_aside
-    if unnamed:
-        yield Advice(
-            "Say with every recording which gearbox it is of.",
-            f"{counted(unnamed, 'case')} name{'s' if unnamed == 1 else ''} none. Each counts as a gearbox of its own, "
-            "so the figures look better than they are.",
-        )
-    if aside:
-        yield Advice(
-            "Fit the simulated sound to your place with gearcase fit, then simulate again.",
-            f"{counted(aside, 'simulated case')} sound{'s' if aside == 1 else ''} unlike every recording of the label, "
-            "so they are not used.",
-        )
-    known = {label for label, each in hour.cases.items() if each.measured}
-    faults = [name_of(label) for label in hour.labels if label not in BASELINES and label not in known]
-    if faults:
-        yield Advice(
-            f"When a gearbox of this axis has {in_series(faults, 'or')}, record it before the repair and keep it with "
-            "that label.",
-            "No such fault was recorded here: what the library knows of it is simulated or of other axes.",
-            "#record",
-        )
-
-
-def counted(number: int, one: str, more: str = "") -> str:
-    """Write a number of things.
-
-    >>> counted(1, "case"), counted(2, "case"), counted(2, "gearbox", "gearboxes")
-    ('1 case', '2 cases', '2 gearboxes')
-    """
-    return f"{number} {one if number == 1 else more or f'{one}s'}"

@@ -37,8 +37,9 @@ STANDARDS = (
     ("Damage of gear teeth, in the words of ISO 10825-1", tuple(GEAR_DAMAGE)),
     ("Damage of rolling bearings, in the words of ISO 15243", tuple(f"bearing_{kind}" for kind in BEARING_DAMAGE)),
 )
-NUMBERS = {"speed_rad_s": "The largest speed of the output", "payload_kg_m2": "The payload"}
-SAID = ("axis", "gearbox", "new_axis", "new_gearbox", *NUMBERS, *(f"{name}.unit" for name in NUMBERS))
+OF_RECORDING = {"speed_rad_s": "The largest speed of the output", "payload_kg_m2": "The payload"}
+NUMBERS = {**OF_RECORDING, "size_rad": "The size of the fault"}
+SAID = ("axis", "gearbox", "new_axis", "new_gearbox", *OF_RECORDING, *(f"{name}.unit" for name in OF_RECORDING))
 """What a form may say of a recording."""
 LARGEST_NUMBER = 2**31 - 1
 MOST_AT_ONCE = 1000
@@ -187,16 +188,14 @@ def taken_in(
     return take_in(service.library, file.path, file.name, file.media_type, metadata), metadata
 
 
-def told(fields: dict[str, str], *words: str) -> dict[str, object]:
+def told(fields: dict[str, str], *names: str) -> dict[str, object]:
     """Return what the form says, without what was left empty; numbers may have a decimal comma."""
-    found: dict[str, object] = {}
-    for name in ("axis", "gearbox", *words):
-        if text := fields.get(name, "").strip():
-            found[name] = text
-    for name, label in NUMBERS.items():
-        if text := fields.get(name, "").strip():
-            found[name] = number(label, text, name, fields.get(f"{name}.unit", ""))
-    return found
+    given = {name: fields.get(name, "").strip() for name in ("axis", "gearbox", *OF_RECORDING, *names)}
+    return {
+        name: number(NUMBERS[name], text, name, fields.get(f"{name}.unit", "")) if name in NUMBERS else text
+        for name, text in given.items()
+        if text
+    }
 
 
 def number(label: str, text: str, key: str = "", unit: str = "") -> float:

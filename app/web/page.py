@@ -161,6 +161,7 @@ def render(
         "request_path": request.url.path,
         "static": lambda name: f"{root}/static/{name}",
         "nonce": nonce,
+        "theme": request.cookies.get("gearcase-theme", ""),
         "csrf": csrf_token(request.cookies.get(COOKIE, "")) if principal else "",
         "principal": principal,
         "may_operate": may("operator"),
@@ -305,21 +306,17 @@ class PageErrors:
 
         async def send_page(message: types.Message) -> None:
             nonlocal started, body
-            if message["type"] == "http.response.start" and _is_problem(message):
-                started = message
-                return
+            if message["type"] == "http.response.start":
+                kind = Headers(raw=message["headers"]).get("content-type", "")
+                started = message if kind.startswith("application/problem+json") else None
             if started is None:
                 await send(message)
-                return
-            body += message.get("body", b"")
-            if not message.get("more_body", False):
-                await _error_page(scope, receive, send, body, started)
+            elif message is not started:
+                body += message.get("body", b"")
+                if not message.get("more_body", False):
+                    await _error_page(scope, receive, send, body, started)
 
         await self.app(scope, receive, send_page)
-
-
-def _is_problem(message: types.Message) -> bool:
-    return Headers(raw=message["headers"]).get("content-type", "").startswith("application/problem+json")
 
 
 async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, started: types.Message) -> None:

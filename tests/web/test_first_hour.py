@@ -4,13 +4,15 @@ import re
 import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 import soundfile
 import soxr
 from playwright.sync_api import Browser, Page, expect
 
-from app.web.first_hour import Hour, obstacles
+from app.report.formatting import ENVIRONMENT
+from app.web.first_hour import Hour
 from benchmarks.harness.live import started
 from benchmarks.harness.site import Site
 from benchmarks.harness.sounds import RATE_HZ, hum
@@ -21,6 +23,7 @@ from tests.web.conftest import ARGUMENTS, NAMES, sign_in, watched
 
 CAPTURED_HZ = 48_000
 SECONDS = 8.0
+SENTENCES: Any = ENVIRONMENT.get_template("_hour.html").module
 
 
 @pytest.fixture
@@ -73,24 +76,21 @@ def test_the_first_hour_from_an_empty_data_directory(page: Page) -> None:
     expect(simulated).to_contain_text("3 simulated cases: 1 no fault, 1 tooth damage and 1 backlash.", timeout=120_000)
     expect(answers).to_contain_text(re.compile(r"it names [01] of 1 of your recordings rightly"), timeout=120_000)
     expect(answers).to_contain_text("whether it hears one is known from simulation alone")
-    expect(banner).to_contain_text("Record four more normal recordings of gearbox w1.")
+    expect(banner).to_contain_text("Record 4 more normal recordings of gearbox w1.")
     for step, state in (("describe", "done"), ("simulate", "done"), ("how-well", "open")):
         expect(page.locator(f"#{step}-state")).to_have_text(state)
 
 
 def hour(
-    cases: Mapping[str, LabelCases],
-    outcomes: tuple[Outcome, ...] = (),
-    gearboxes: int = 0,
-    stiffness: float | None = 1e5,
+    cases: Mapping[str, LabelCases], outcomes: tuple[Outcome, ...] = (), boxes: int = 0, stiffness: float | None = 1e5
 ) -> Hour:
     """Where an axis with these cases stands."""
     document = {"name": "bench", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 40.0}}
     stages = [{"name": "output", "driver_teeth": 12, "driven_teeth": 96, "stiffness_n_m_per_rad": stiffness}]
     row = AxisRevision(name="bench", revision=1, document={**document, "stages": stages})
     nothing = Proportion(0, 0)
-    found = Evaluation("gearbox", "both", len(outcomes), 0, gearboxes, nothing, nothing, nothing, {}, {}, {}, outcomes)
-    return Hour("bench", row, obstacles(row), cases, (), None, found, gearboxes)
+    found = Evaluation("gearbox", "both", len(outcomes), 0, boxes, nothing, nothing, nothing, {}, {}, {}, outcomes)
+    return Hour(row, cases, (), None, found, boxes)
 
 
 def outcome(case: str, answer: str, verdict: str = "diagnosed", origin: str = "measured") -> Outcome:
@@ -101,43 +101,41 @@ def test_no_more_is_said_than_is_known() -> None:
     """Simulated answers are no measured ones, one gearbox is no two, and none of no fault says nothing of a fault."""
     simulated = {label: LabelCases(simulated=20) for label in ("normal", "notch", "play")}
     of_simulated = tuple(outcome(f"s{k}", "normal", origin="simulated") for k in range(20))
-    words = hour(simulated, of_simulated).steps[3].result
+    words = SENTENCES.how_well(hour(simulated, of_simulated))
     assert "Of simulated gearboxes of this axis it names 20 of 20 rightly." in words
     assert "on your gearbox is not known" in words
-    assert not hour(simulated, of_simulated).steps[3].done
+    assert not hour(simulated, of_simulated).done["how-well"]
     kept = {**simulated, "normal": LabelCases(measured=5, gearboxes=frozenset({"g1"}), simulated=20)}
     answered = tuple(outcome(f"m{k}", "normal", "ambiguous" if k == 4 else "diagnosed") for k in range(5))
-    whole = hour(kept, answered + of_simulated, gearboxes=1)
-    assert "it names 4 of 5 of your recordings rightly" in whole.steps[3].result
-    assert "known from simulation alone" in whole.steps[3].result
-    told = [one.do for one in whole.advice]
-    assert not any("normal recording" in one for one in told), "five are enough"
-    assert any("second gearbox" in one for one in told)
-    assert any("before the repair" in one for one in told)
+    whole = hour(kept, answered + of_simulated, boxes=1)
+    assert "it names 4 of 5 of your recordings rightly" in SENTENCES.how_well(whole)
+    assert "known from simulation alone" in SENTENCES.how_well(whole)
+    kinds = {one.kind for one in whole.advice}
+    assert "normal" not in kinds, "five are enough"
+    assert {"second", "fault"} <= kinds
 
 
 def test_what_is_named_wrongly_is_shown() -> None:
     kept = {"normal": LabelCases(measured=5, gearboxes=frozenset({"g1", "g2"}))}
     answered = (outcome("m0", "play"), *(outcome(f"m{k}", "normal") for k in range(1, 5)))
-    (wrong,) = (one for one in hour(kept, answered, 2).advice if one.path.startswith("/cases"))
-    assert wrong.path == "/cases/m0"
-    assert "1 case of no fault" in wrong.do
+    known = hour(kept, answered, 2)
+    assert "/cases/m0" in [one.path for one in known.advice]
+    assert any("1 case of no fault" in SENTENCES.advised(one, known) for one in known.advice)
 
 
 @pytest.mark.parametrize(("right", "of", "done"), [(0, 3, False), (3, 3, False), (5, 5, True)])
 def test_a_library_that_names_too_little_rightly_is_not_done(right: int, of: int, done: bool) -> None:
     kept = {"normal": LabelCases(measured=of, gearboxes=frozenset({"g1", "g2"}))}
     answered = tuple(outcome(f"m{k}", "normal" if k < right else "play") for k in range(of))
-    assert hour(kept, answered, 2).steps[3].done == done
+    assert hour(kept, answered, 2).done["how-well"] == done
 
 
 def test_a_description_that_cannot_be_simulated_is_to_be_completed() -> None:
     kept = {"normal": LabelCases(measured=5, gearboxes=frozenset({"g1"}))}
     rigid = hour(kept, stiffness=None)
-    assert not rigid.steps[2].done
-    assert rigid.next is not None
-    assert "Complete the description" in rigid.next.do
-    assert "stiffness" in rigid.next.why
+    assert not rigid.done["simulate"]
+    assert rigid.next.kind == "complete"
+    assert "stiffness" in SENTENCES.advised(rigid.next, rigid)
     assert hour(kept).next != rigid.next
     few = {"normal": LabelCases(measured=1, gearboxes=frozenset({"g1"}))}
-    assert "Record" in hour(few, stiffness=None).advice[0].do, "there is more to do than that"
+    assert hour(few, stiffness=None).advice[0].kind == "normal", "there is more to do than that"

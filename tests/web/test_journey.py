@@ -101,6 +101,13 @@ def test_diagnose_listen_confirm_by_keyboard(opened: Opened, site: Site) -> None
         expect(page.get_by_text("Marked corrected")).to_have_count(0)
 
 
+def test_a_chosen_theme_stays(opened: Opened) -> None:
+    with opened("viewer", "/fleet", color_scheme="light") as page:
+        page.keyboard.press("t")
+        page.reload()
+        expect(page.locator("html")).to_have_attribute("data-theme", "dark")
+
+
 def test_plots_become_interactive(opened: Opened, site: Site) -> None:
     """The drawing of the server gives way to a canvas; one cursor is read in every plot over time."""
     with opened("viewer", f"/diagnoses/{site.diagnosis}") as page:

@@ -8,7 +8,7 @@ import io
 import secrets
 from collections import Counter
 from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import Response
@@ -69,7 +69,7 @@ def job_list(request: Request, session: Reading, jobs: TheJobs, _: PageOperator)
     """The jobs, newest first, and the workers that run them."""
     columns = {"kind": StoredJob.kind, "state": StoredJob.state, "by": StoredJob.submitted_by}
     found = listing(request, session, ORDERED, **columns)
-    context = {"list": found, "jobs": [job_of(row) for row in found.rows], "workers": jobs.workers()}
+    context = {"list": found, "rows": [job_of(row) for row in found.rows], "workers": jobs.workers()}
     return render(request, "jobs.html", context, section="/jobs")
 
 
@@ -84,24 +84,23 @@ def job(request: Request, service: TheService, jobs: TheJobs, _: PageOperator, j
     return render(request, "job.html", {"job": shown, "found": found}, section="/jobs")
 
 
-@router.post("/jobs/{job_id}/cancel", dependencies=[FromOurPage])
-def cancel(service: TheService, jobs: TheJobs, _: PageOperator, job_id: str) -> Response:
-    """Stop it; what is done stays."""
-    jobs.cancel(job_id)
-    return lead(service, f"/jobs/{job_id}")
-
-
-@router.post("/jobs/{job_id}/resume", dependencies=[FromOurPage])
-def resume(service: TheService, jobs: TheJobs, _: PageOperator, job_id: str) -> Response:
-    """Go on with it."""
-    jobs.resume(job_id)
+@router.post("/jobs/{job_id}/{verb}", dependencies=[FromOurPage])
+def change_job(
+    service: TheService, jobs: TheJobs, _: PageOperator, job_id: str, verb: Literal["cancel", "resume"]
+) -> Response:
+    """Stop it, and what is done stays; or go on with it."""
+    jobs.cancel(job_id) if verb == "cancel" else jobs.resume(job_id)
     return lead(service, f"/jobs/{job_id}")
 
 
 @router.get("/keys")
 def key_list(request: Request, session: Reading, _: PageAdmin) -> Response:
     """Every key that was ever made, by name; never the keys themselves."""
-    context = {"rows": keys.list_keys(session), "made": None, "roles": list(Role)}
+    return _keys(request, session)
+
+
+def _keys(request: Request, session: Session, made: str | None = None) -> Response:
+    context = {"rows": keys.list_keys(session), "made": made, "roles": list(Role)}
     return render(request, "keys.html", context, section="/keys")
 
 
@@ -112,8 +111,7 @@ def key_create(request: Request, service: TheService, principal: PageAdmin, fiel
     with service.library.transaction(principal.actor) as session:
         _, key = keys.create_key(session, name=asked.name, role=asked.role)
     with service.library.reading() as session:
-        context = {"rows": keys.list_keys(session), "made": key, "roles": list(Role)}
-        return render(request, "keys.html", context, section="/keys")
+        return _keys(request, session, key)
 
 
 @router.post("/keys/{key_id}/revoke", dependencies=[FromOurPage])
@@ -145,13 +143,13 @@ def audit_csv(session: Reading, _: PageAdmin) -> Response:
     """The whole log as CSV; no cell can become a formula."""
     target = io.StringIO()
     table = csv.writer(target)
-    table.writerow(["id", "at", "actor", "action", "subject_kind", "subject_id", "before", "after", "request_id"])
+    columns = ("actor", "action", "subject_kind", "subject_id", "before", "after", "request_id")
+    table.writerow(["id", "at", *columns])
     last: int | None = None
     while rows := audit.entries(session, limit=1000, before_id=last):
         for row in rows:
-            cells = (row.at.isoformat(), row.actor, row.action, row.subject_kind, row.subject_id)
-            rest = (str(row.before), str(row.after), row.request_id or "")
-            table.writerow([row.id, *(harmless(cell) for cell in (*cells, *rest))])
+            cells = [getattr(row, name) for name in columns]
+            table.writerow([row.id, row.at.isoformat(), *("" if one is None else harmless(str(one)) for one in cells)])
         last = rows[-1].id
     headers = {"Content-Disposition": 'attachment; filename="audit.csv"'}
     return Response(target.getvalue(), media_type="text/csv; charset=utf-8", headers=headers)
@@ -169,10 +167,10 @@ def harmless(cell: str) -> str:
 @alarms.get("")
 def alarms_page(request: Request, session: Reading, service: TheService, _: PageAdmin) -> Response:
     """Everything about alarms on one page."""
-    return render(request, "alarms.html", _context(session, service), section=ALARMS)
+    return _alarms(request, session, service)
 
 
-def _context(session: Reading, service: Service, made: str | None = None) -> dict[str, object]:
+def _alarms(request: Request, session: Session, service: Service, made: str | None = None) -> Response:
     settings = service.settings
     servers = {"email": ("GEARCASE_SMTP_URL", settings.smtp_url), "mqtt": ("GEARCASE_MQTT_URL", settings.mqtt_url)}
     deliveries = outbox.list_deliveries(session, limit=ROWS).items
@@ -181,7 +179,7 @@ def _context(session: Reading, service: Service, made: str | None = None) -> dic
     places = {(alarm.axis, alarm.gearbox) for alarm in standing}
     whole = [] if service.fleet_soon(session) else service.fleet.gearboxes(session, now(), settings.silent_after)
     gearboxes = in_words(session, service, [row for row in whole if (row.axis, row.gearbox or "") in places])
-    return {
+    context = {
         "made": made,
         "standing": standing,
         "said": {(row.axis, row.gearbox or ""): (why, step) for row, _, why, step in gearboxes},
@@ -197,6 +195,7 @@ def _context(session: Reading, service: Service, made: str | None = None) -> dic
         "missing": {kind: name for kind, (name, url) in servers.items() if url is None},
         "labels": choices(label for label, _ in service.counts(session)),
     }
+    return render(request, "alarms.html", context, section=ALARMS)
 
 
 @alarms.post("/receivers", dependencies=[FromOurPage])
@@ -210,8 +209,7 @@ def create_receiver(request: Request, service: TheService, principal: PageAdmin,
     if secret is None:
         return lead(service, ALARMS)
     with service.library.reading() as session:
-        context = _context(session, service, secret)
-        return render(request, "alarms.html", context, section=ALARMS)
+        return _alarms(request, session, service, secret)
 
 
 @alarms.post("/rules", dependencies=[FromOurPage])

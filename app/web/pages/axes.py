@@ -75,11 +75,11 @@ def axis_list(request: Request, session: Reading, _: PageViewer) -> Response:
     by_name = sorted(known, key=lambda one: natural(one[1]))
     found = listing(request, session, by_name, name=lambda one: one[1], robots_first=lambda one: not one[0])
     shown = [name for _, name in found.rows]
-    described: dict[tuple[bool, str], object] = {
+    known_as: dict[tuple[bool, str], object] = {
         **{(False, row.name): row for row in revisions.current(session, AxisRevision, names=shown)},
         **{(True, row.name): row for row in revisions.current(session, RobotRevision, names=shown)},
     }
-    context = {"list": found, "rows": [(*one, described.get(one)) for one in found.rows]}
+    context = {"list": found, "rows": [(*one, known_as.get(one)) for one in found.rows]}
     return render(request, "axes.html", context, section=SECTION)
 
 
@@ -110,20 +110,23 @@ def names(
 def axis(request: Request, session: Reading, service: TheService, _: PageViewer, name: str) -> Response:
     """One axis: its gearboxes in service, notes on all of them, description and revisions."""
     check_known(session, name)
-    history = revisions.history(session, AxisRevision, name)
     marks = session.scalars(select(MaintenanceMark).where(MaintenanceMark.axis == name).order_by(MaintenanceMark.at))
     fleet = service.fleet.gearboxes(session, now(), service.settings.silent_after, name)
     context = {
-        "name": name,
-        "history": list(reversed(history)),
-        "toml": tomli_w.dumps(dict(history[-1].document)) if history else None,
+        **described(session, AxisRevision, name, StoredInvestigation.axis),
         "gearboxes": in_words(session, service, [row for row in fleet[:ROWS] if row.standing is not None]),
         "has_more": len(fleet) > ROWS,
         "marks": marks.all(),
-        "investigations": newest(session, LISTED, StoredInvestigation.axis == name),
-        "listed": LISTED,
     }
     return render(request, "axis.html", context, section=SECTION)
+
+
+def described(session: Session, kind: type[revisions.Revision], name: str, subject: Any) -> dict[str, Any]:
+    """Return what the page of an axis or a robot says of its revisions, the newest first, and of its investigations."""
+    investigations, history = newest(session, LISTED, subject == name), revisions.history(session, kind, name)
+    toml = tomli_w.dumps(dict(history[-1].document)) if history else None
+    said = {"name": name, "history": list(reversed(history)), "toml": toml}
+    return {**said, "investigations": investigations, "listed": LISTED}
 
 
 @router.post("/{name}/marks", dependencies=[FromOurPage])
@@ -202,22 +205,14 @@ def axis_toml(session: Reading, _: PageViewer, name: str) -> Response:
 @robots.get("/{name}")
 def robot(request: Request, session: Reading, _: PageViewer, name: str) -> Response:
     """One robot: its joints, revisions and investigations."""
-    history = revisions.history(session, RobotRevision, name)
-    investigations = newest(session, LISTED, StoredInvestigation.robot == name)
-    if not history and not investigations:
+    context = described(session, RobotRevision, name, StoredInvestigation.robot)
+    history = context["history"]
+    if not history and not context["investigations"]:
         raise NotFoundError(
             f"no robot is known as {name!r}; the page of axes and robots lists those that are described"
         )
-    described = kept_robot(history[-1].document, history[-1].urdf.encode()) if history else None
-    context = {
-        "name": name,
-        "history": list(reversed(history)),
-        "robot": described,
-        "toml": tomli_w.dumps(dict(history[-1].document)) if history else None,
-        "investigations": investigations,
-        "listed": LISTED,
-    }
-    return render(request, "robot_description.html", context, section=SECTION)
+    robot = kept_robot(history[0].document, history[0].urdf.encode()) if history else None
+    return render(request, "robot_description.html", {**context, "robot": robot}, section=SECTION)
 
 
 @robots.get("/{name}/robot.toml")

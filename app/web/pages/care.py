@@ -16,7 +16,7 @@ from app.http.errors import Unprocessable
 from app.recordings.bundle_import import order as order_import
 from app.service import Reading, TheJobs, TheService
 from app.simulated.generation import KIND as GENERATION
-from app.web.forms import MOST_AT_ONCE, OurUpload
+from app.web.forms import MOST_AT_ONCE, OurUpload, number_of
 from app.web.page import ROWS, FromOurPage, Message, PageAdmin, PageViewer, lead, of_library, render, waiting_page
 from casebase import review as care
 from casebase.axes import get_axis, list_axes
@@ -31,16 +31,6 @@ from sim.experiment.design_of_experiments import LABELS, labels, labels_of
 router = APIRouter(prefix="/library")
 SECTION = "/library"
 HOW = "Each gearbox is left out once, the library diagnoses it from the others."
-KINDS = (
-    (
-        "contradictory",
-        "Contradictions",
-        "Two cases of one sound, or as good as one, with different labels or gearboxes.",
-    ),
-    ("suspect", "Suspect labels", "Cases whose neighbours are nearly all labelled otherwise."),
-    ("far", "Far from reality", "Simulated cases that lie far from every measured case of their label."),
-    ("redundant", "Redundant", "Cases that add nothing to another one that is there."),
-)
 
 
 @router.get("/review")
@@ -55,19 +45,15 @@ def review(
         return waiting_page(request, found, title="Review", words=words, basis=basis, tab="/library/review")
     context = {
         "review": found,
-        "kinds": [(kind, title, words, getattr(found, kind)) for kind, title, words in KINDS],
         "shown": ROWS,
         "edits": session.scalars(
             select(Artifact).where(Artifact.kind == care.KIND).order_by(Artifact.version.desc()).limit(10)
         ).all(),
         "axes": [row.name for row in list_axes(session)],
     }
-    messages = []
-    if edit:
-        messages.append(Message(f"Edit {edit} is done. It can be taken back below."))
-    if taken_back:
-        messages.append(Message(f"Edit {taken_back} is taken back."))
-    return render(request, "review.html", context, section=SECTION, messages=tuple(messages))
+    said = f"Edit {edit} is done. It can be taken back below." if edit else f"Edit {taken_back} is taken back."
+    messages = (Message(said),) if edit or taken_back else ()
+    return render(request, "review.html", context, section=SECTION, messages=messages)
 
 
 @router.post("/review", dependencies=[FromOurPage])
@@ -95,7 +81,8 @@ def simulate_page(request: Request, session: Reading, _: PageAdmin, axis: str = 
         raise NotFoundError(f"no axis is described as {axis!r}, so it cannot be simulated; add it by POST /api/v1/axes")
     offered = labels_of(read_axis(get_axis(session, axis).document)) if axis else labels()
     usual = {one: 20 if label in ("", one) and (one in LABELS or label) else 0 for one in offered}
-    counts = {one: _count(request.query_params.get(one), usual[one]) for one in offered}
+    given = {one: number_of(request, one) for one in offered}
+    counts = {one: usual[one] if count is None else min(count, MOST_AT_ONCE) for one, count in given.items()}
     context = {
         "axes": axes,
         "axis": axis,
@@ -106,10 +93,6 @@ def simulate_page(request: Request, session: Reading, _: PageAdmin, axis: str = 
         "no_place": label if label in labels() and label not in offered else "",
     }
     return render(request, "simulate.html", context, section=SECTION)
-
-
-def _count(text: str | None, otherwise: int) -> int:
-    return min(int(text), MOST_AT_ONCE) if text and text.isascii() and text.isdigit() else otherwise
 
 
 @router.post("/simulate", dependencies=[FromOurPage])

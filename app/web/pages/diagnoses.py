@@ -123,11 +123,8 @@ def shown(
     orders: bool = False,
 ) -> Response:
     """Return the page of a diagnosis."""
-    metadata = {
-        name: getattr(row.recording, name)
-        for name in ("axis", "gearbox", "speed_rad_s", "payload_kg_m2")
-        if getattr(row.recording, name) is not None
-    }
+    told = {name: getattr(row.recording, name) for name in ("axis", "gearbox", "speed_rad_s", "payload_kg_m2")}
+    metadata = {name: value for name, value in told.items() if value is not None}
     base = str(request.base_url).rstrip("/")
     curl = (
         'curl -H "Authorization: Bearer $GEARCASE_KEY" \\\n'

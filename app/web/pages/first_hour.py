@@ -22,7 +22,6 @@ from app.web.first_hour import Hour, axis_cases, obstacles
 from app.web.page import FromOurPage, Message, PageAdmin, PageOperator, PageViewer, lead, render
 from casebase.axes import find_axis, list_axes
 from casebase.diagnoses import revise_diagnosis
-from casebase.origins import MEASURED, SIMULATED
 from casebase.search.axis_cases import Taken, gearboxes_known, newest_recordings
 from casebase.steps import newest_of, step_name
 
@@ -54,24 +53,16 @@ def first_hour(
     check_known(session, name)
     axis, cases = find_axis(session, name), axis_cases(service, session).get(name, {})
     known = any(each.measured or each.simulated for each in cases.values())
-    evaluation = service.evaluation_of_axis(session, name) if known else None
-    begun = evaluation if isinstance(evaluation, Pending) else None
-    hour = Hour(
-        name,
-        axis,
-        obstacles(axis),
-        cases,
-        newest_recordings(session, name, SHOWN),
-        jobs.newest_of_axis(GENERATION, name),
-        None if isinstance(evaluation, Pending) else evaluation,
-        service.counted(session, "gearboxes", lambda: gearboxes_known(session)),
-    )
+    found = service.evaluation_of_axis(session, name) if known else None
+    evaluation = None if isinstance(found, Pending) else found
+    taken, job = newest_recordings(session, name, SHOWN), jobs.newest_of_axis(GENERATION, name)
+    gearboxes = service.counted(session, "gearboxes", lambda: gearboxes_known(session))
+    hour = Hour(axis, cases, taken, job, evaluation, gearboxes)
     context = {
         "hour": hour,
         "name": name,
-        "waiting": begun,
+        "waiting": found if isinstance(found, Pending) else None,
         "recordings": [(one, checked(one), said(one)) for one in hour.taken],
-        "answers": {origin: {one.label: one for one in hour.answers(origin)} for origin in (MEASURED, SIMULATED)},
         "choices": forms.choices(label for label, _ in service.counts(session)),
         "usual": USUAL,
         "most": forms.MOST_AT_ONCE,

@@ -50,7 +50,7 @@ from casebase.search.case_filter import CaseFilter, selected
 from casebase.steps import last_step, newest_of, step_name
 from casebase.store import erasing
 from casebase.store.models import Case, StoredRecording
-from casebase.teaching import Teaching, teaching
+from casebase.teaching import teaching
 from signals.features import catalogue
 
 router = APIRouter()
@@ -68,7 +68,6 @@ def cases(request: Request, session: Reading, service: TheService, _: PageViewer
     columns = {**RECORDED, "label": Case.label, "verified": Case.verification}
     context = {
         "list": listing(request, session, selected(wanted), **columns),
-        "state": wanted.state,
         "labels": [(one, name_of(one)) for one in sorted({label for label, _ in counts})],
         "counts": sorted(counts.items()),
         "total": sum(counts.values()),
@@ -86,7 +85,7 @@ def cases(request: Request, session: Reading, service: TheService, _: PageViewer
 def change_several(
     service: TheService,
     principal: PageAdmin,
-    action: Annotated[str, Form()],
+    action: Annotated[Literal["retire", "restore", "release", "label"], Form()],
     label: forms.LabelGiven,
     case_id: Annotated[list[str] | None, Form()] = None,
 ) -> Response:
@@ -94,22 +93,9 @@ def change_several(
     chosen_ids = list(dict.fromkeys(case_id or []))
     if not chosen_ids:
         raise Unprocessable("No case was chosen: tick the cases first.")
-    revise = service.library.revise
-    actions: dict[str, Callable[..., object]] = {
-        "retire": revise.retire,
-        "restore": revise.restore,
-        "release": revise.release,
-        "label": revise.case,
-    }
-    if action not in actions:
-        raise Unprocessable(f"Unknown action {action!r}; known: {', '.join(actions)}.")
+    change = getattr(service.library.revise, "case" if action == "label" else action)
     given = [{"label": label()}] if action == "label" else []
-
-    def change(session: Session) -> None:
-        for one in chosen_ids:
-            actions[action](session, one, *given)
-
-    return _changed(service, principal, change)
+    return _changed(service, principal, lambda session: [change(session, one, *given) for one in chosen_ids])
 
 
 @router.post("/library/rename", dependencies=[FromOurPage])
@@ -124,7 +110,7 @@ def rename(service: TheService, principal: PageAdmin, old: Annotated[str, Form()
     return _changed(service, principal, change)
 
 
-def _changed(service: Service, principal: Principal, change: Callable[[Session], None]) -> Response:
+def _changed(service: Service, principal: Principal, change: Callable[[Session], object]) -> Response:
     name = step_name()
     with service.library.transaction(principal.actor, name) as session:
         change(session)
@@ -144,16 +130,12 @@ def add_page(request: Request, session: Reading, service: TheService, _: PageAdm
 def add(principal: PageAdmin, upload: forms.OurUpload, service: TheService) -> Response:
     """Take a labelled recording in."""
     forms.said_how(upload.fields.get("verification"))
-    fields = forms.told(upload.fields, "verified_by", "verification")
-    if size := upload.fields.get("size_rad", "").strip():
-        unit = upload.fields.get("size_rad.unit", "")
-        fields["size_rad"] = forms.number("The size of the fault", size, "size_rad", unit)
+    fields = forms.told(upload.fields, "verified_by", "verification", "size_rad")
     fields["label"] = forms.label_of(service, upload)
     intake, metadata = forms.taken_in(service, upload, fields, CaseMetadata)
     with service.library.transaction(principal.actor, step_name()) as session:
         row = intake.store(service.library, session)
-        labelling = metadata.labelling()
-        case_id = service.library.retain.case(session, row, labelling).id
+        case_id = service.library.retain.case(session, row, metadata.labelling()).id
     return lead(service, f"/cases/{case_id}?kept=1")
 
 
@@ -184,33 +166,8 @@ def taught(request: Request, session: Reading, service: TheService, _: PageViewe
             return waiting_page(request, one, title=TAUGHT, words=row.recording.file_name, basis=basis, crumb=above)
     assert isinstance(without, Evaluation)
     assert isinstance(having, Evaluation)
-    found = teaching(without, having, row.id)
-    context = {"case": row, "taught": found, "headline": taught_words(found), "explained": own_words(found, row.label)}
+    context = {"case": row, "taught": teaching(without, having, row.id)}
     return render(request, "taught.html", context, section=SECTION)
-
-
-def taught_words(found: Teaching) -> str:
-    """Say in a sentence what a case changed of answers to recordings that were held out."""
-    if not found.right.after.of:
-        return "No other recording can be held out yet, so nothing can be said."
-    if not found.changes:
-        return "No answer changed: the case confirms what the library said."
-    other = len(found.changes) - found.better - found.worse
-    return (
-        f"Answers that became right: {found.better}; that became wrong: {found.worse}"
-        f"{f'; that changed otherwise: {other}' if other else ''}."
-    )
-
-
-def own_words(found: Teaching, label: str) -> str:
-    """Say what the library knew of a case before it had it."""
-    if found.own is None:
-        return "The case itself cannot be held out: no gearbox is named, or enough measured cases are held out already."
-    if found.own.verdict == "not_in_library":
-        return "With its gearbox left out, the library says of it: not in the library. So it was new to it."
-    sure = "undecided, most probably " if found.own.verdict == "ambiguous" else ""
-    rightly = "which is right" if found.own.right else f"while it is {name_of(label)}: that is new to it"
-    return f"With its gearbox left out, the library says of it: {sure}{name_of(found.own.best)}, {rightly}."
 
 
 @router.get("/cases/{case_id}", dependencies=[ReadingLimit])

@@ -6,20 +6,12 @@ import { recorder } from "./record.js";
 import { playhead, start, style } from "./plots.js";
 
 /* theme */
-function drawnBesides() {
-  // pictures of the server follow a theme that was chosen here, not only that of the system
-  const chosen = document.documentElement.dataset.theme;
-  if (chosen) all("picture > source").forEach((source) => (source.media = chosen === "dark" ? "all" : "not all"));
-}
-drawnBesides();
 all(".masthead [aria-current]").forEach((here) => (here.parentElement.scrollLeft = here.offsetLeft - here.parentElement.offsetLeft - 80));
-addEventListener("gearcase:theme", drawnBesides);
 one("[data-theme-toggle]")?.addEventListener("click", () => {
-  const dark = document.documentElement.dataset.theme
-    ? document.documentElement.dataset.theme === "dark"
-    : matchMedia("(prefers-color-scheme: dark)").matches;
-  document.documentElement.dataset.theme = dark ? "light" : "dark";
-  localStorage.setItem("gearcase-theme", document.documentElement.dataset.theme);
+  const { dataset } = document.documentElement;
+  const isDark = dataset.theme ? dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+  dataset.theme = isDark ? "light" : "dark";
+  document.cookie = `gearcase-theme=${dataset.theme}; path=${one(".brand").pathname}; max-age=31536000; samesite=lax`;
   dispatchEvent(new Event("gearcase:theme"));
 });
 
@@ -34,8 +26,6 @@ function keyboard(event) {
   target.click();
 }
 addEventListener("keydown", keyboard);
-all("[data-open]").forEach((button) => button.addEventListener("click", () => one(button.dataset.open)?.showModal()));
-all("dialog [data-close]").forEach((button) => button.addEventListener("click", () => button.closest("dialog").close()));
 
 /* a correction needs its label, and a case how it was verified: the browser shows which is missing */
 one("form[data-verdict]")?.addEventListener("submit", (event) => {
@@ -87,21 +77,16 @@ const investigate = one("[data-investigate]") && investigation(one("[data-invest
 const upload = one("form[data-upload]");
 const opener = one("[data-diagnose-link]");
 if (upload || opener) {
-  let depth = 0;
-  addEventListener("dragenter", (event) => {
-    if (!event.dataTransfer?.types.includes("Files")) return;
-    depth += 1;
-    document.body.classList.add("dragging");
-  });
-  addEventListener("dragleave", () => {
-    depth = Math.max(0, depth - 1);
-    if (depth === 0) document.body.classList.remove("dragging");
-  });
-  addEventListener("dragover", (event) => event.preventDefault());
+  const dragging = (is) => document.body.classList.toggle("dragging", is);
+  addEventListener("dragleave", (event) => event.relatedTarget ?? dragging(false)); // it is null where the page is left
+  const over = (event) => {
+    event.preventDefault();
+    dragging(event.dataTransfer.types.includes("Files"));
+  };
+  ["dragenter", "dragover"].forEach((kind) => addEventListener(kind, over));
   addEventListener("drop", (event) => {
     event.preventDefault();
-    depth = 0;
-    document.body.classList.remove("dragging");
+    dragging(false);
     const form = one("main form[data-upload]") ?? upload;
     const [found, files] = [dropped(event.dataTransfer), [...event.dataTransfer.files]];
     if (investigate) return Promise.resolve(found).then((its) => investigate(its?.map(([, file]) => file) ?? files));
@@ -150,7 +135,7 @@ function send(form, submitter) {
 }
 addEventListener("submit", (event) => {
   const { target: form, submitter } = event;
-  if (event.defaultPrevented || form.method !== "post" || !one("input:not([type=hidden], [type=password]), select, textarea", form)) return;
+  if (event.defaultPrevented || (submitter?.formMethod || form.method) !== "post" || !one("input:not([type=hidden], [type=password]), select, textarea", form)) return;
   event.preventDefault();
   send(form, submitter);
 });
@@ -194,7 +179,6 @@ addEventListener("click", async ({ target }) => {
 /* listening: the recording, and A/B with a neighbour at equal loudness */
 const player = one("[data-audio]");
 if (player && window.WaveSurfer) {
-  const nonce = one("meta[name=csp-nonce]")?.content;
   const colours = () => ({ waveColor: style("--line-strong"), progressColor: style("--accent"), cursorColor: style("--ink") });
   const wave = WaveSurfer.create({
     container: player,
@@ -204,43 +188,30 @@ if (player && window.WaveSurfer) {
     height: 64,
     normalize: true,
     ...colours(),
-    cspNonce: nonce,
+    cspNonce: one("meta[name=csp-nonce]").content,
   });
   addEventListener("gearcase:theme", () => wave.setOptions(colours()));
   // the spectrogram and the marks lie in the waveform, so that playhead and zoom are theirs, too
-  const marks = Object.entries(JSON.parse(player.dataset.marks ?? "{}")).flatMap(([part, times]) =>
-    times.map((seconds) => {
-      const mark = document.createElement("span");
-      mark.setAttribute("part", part);
-      mark.style.left = `${(100 * seconds) / player.dataset.seconds}%`;
-      return mark;
-    }),
-  );
-  const drawn = [...all("img", player), ...marks];
+  const drawn = [...player.querySelectorAll("[part]")];
+  drawn.filter(({ dataset }) => dataset.at).forEach((mark) => (mark.style.left = `${(100 * mark.dataset.at) / player.dataset.seconds}%`));
   wave.getWrapper().append(...drawn);
-  const zoom = one("[data-zoom]");
-  if (zoom) zoom.hidden = false;
-  zoom?.addEventListener("input", ({ target }) => wave.zoom((target.value * player.clientWidth) / wave.getDuration()));
+  one("[data-zoom]")?.addEventListener("input", ({ target }) => wave.zoom((target.value * player.clientWidth) / wave.getDuration()));
   one("audio[data-plain]")?.remove();
   const button = one("[data-play]");
-  const clock = one("[data-clock]");
-  button.hidden = false;
   button.addEventListener("click", () => wave.playPause());
   wave.on("play", () => (button.textContent = "Pause"));
   wave.on("pause", () => (button.textContent = "Listen"));
   wave.on("timeupdate", (seconds) => {
-    clock.textContent = `${seconds.toFixed(1)} s`;
+    one("[data-clock]").textContent = `${seconds.toFixed(1)} s`;
     playhead(seconds);
   });
   // equal loudness: the louder of the two is turned down to the quieter
   const own = Number(player.dataset.rms);
-  let other = null;
   for (const choice of all("[data-compare]")) {
     choice.addEventListener("click", () => {
       const level = Number(choice.dataset.rms);
-      const back = other === choice;
+      const back = choice.ariaPressed === "true";
       all("[data-compare]").forEach((element) => element.setAttribute("aria-pressed", "false"));
-      other = back ? null : choice;
       choice.setAttribute("aria-pressed", String(!back));
       const at = wave.getCurrentTime();
       drawn.forEach((each) => (each.hidden = !back)); // they are of this recording alone
@@ -253,7 +224,6 @@ if (player && window.WaveSurfer) {
     });
   }
   for (const element of all("[data-seek]")) {
-    element.hidden = false;
     element.addEventListener("click", () => {
       wave.setTime(Number(element.dataset.seek));
       wave.play();
@@ -284,7 +254,6 @@ addEventListener("htmx:responseError", ({ detail: { target, xhr } }) => {
 });
 
 /* a slider and its number field say the same; without JavaScript there is the number alone */
-all("[data-with][hidden]").forEach((slider) => (slider.hidden = false));
 addEventListener("input", ({ target }) => {
   const other = target.dataset.with && document.getElementById(target.dataset.with);
   if (other && target.value !== "") other.value = +Number(target.value).toPrecision(3);
@@ -296,7 +265,6 @@ if (pair) {
   const sounds = all("audio", pair);
   const button = one("[data-swap]", pair);
   let heard = sounds[1];
-  button.hidden = false;
   button.addEventListener("click", () => {
     const other = sounds.find((sound) => sound !== heard);
     other.currentTime = heard.currentTime;
@@ -339,7 +307,7 @@ addEventListener("htmx:afterSwap", (event) => [times, asCards].forEach((work) =>
 
 /* bulk selection */
 all("[data-select-all]").forEach((box) =>
-  box.addEventListener("change", () => all("input[name=case_id]", box.closest("form")).forEach((item) => (item.checked = box.checked))),
+  box.addEventListener("change", () => all("input[name=case_id]").forEach((item) => (item.checked = box.checked))),
 );
 
 start();

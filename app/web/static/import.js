@@ -78,7 +78,6 @@ export function importer(root) {
   const field = (row, name) => one(`[name=${name}]`, row.element);
   const left = () => rows.filter((row) => !row.place);
   const show = (row, kind, ...content) => one(`[data-${kind}]`, row.element).replaceChildren(...content);
-  root.hidden = false;
 
   async function ask(path, method, body, headers) {
     const answer = await answered(api + path, csrf, { method, body, headers });

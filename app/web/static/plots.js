@@ -16,13 +16,7 @@ export function style(name) {
 const COLOURS = [, "--plot-1", "--plot-2", "--plot-3", "--plot-4", "--ink", "--ink-soft", "--plot-4"];
 const DASHES = [, undefined, [6, 3], [2, 3], [8, 3, 2, 3], [9, 3], [1.5, 2.5], undefined];
 const FEW = 24; // so few values are drawn as dots besides
-const cursors = new Map();
 const plots = [];
-
-function cursorOf(key) {
-  if (!cursors.has(key)) cursors.set(key, uPlot.sync(key));
-  return cursors.get(key).key;
-}
 
 function number(value) {
   if (value === null || value === undefined) return "–";
@@ -41,13 +35,18 @@ function annotate(data) {
       ctx.lineTo(x, bottom);
       ctx.stroke();
     }
-    // where words at x begin, and the first of three rows in which they cover none; `ends` of the words of each row
-    function placed(text, x, ends) {
+    // words at x, in the first of three rows in which they cover none; `ends` of the words of each row, `y` of a row
+    function write(text = "", x, ends, y) {
       const wide = ctx.measureText(text).width;
       const left = Math.min(x + 4 * px, edge - wide);
       const row = Math.max(0, ends.findIndex((end) => end < left));
-      ends[row] = left + wide + 6 * px;
-      return [left, row];
+      if (text) ends[row] = left + wide + 6 * px;
+      ctx.save();
+      ctx.setLineDash([]);
+      [ctx.lineWidth, ctx.strokeStyle] = [3 * px, style("--sheet")];
+      ctx.strokeText(text, left, y(row));
+      ctx.restore();
+      ctx.fillText(text, left, y(row));
     }
     ctx.save();
     ctx.font = `${11 * px}px system-ui, sans-serif`;
@@ -68,24 +67,15 @@ function annotate(data) {
       ctx.strokeStyle = style("--ink-soft");
       ctx.setLineDash([2 * px, 2 * px]);
       [low, high].forEach(upright);
-      if (!stretch.text) continue;
-      const [left, row] = placed(stretch.text, low, feet);
-      ctx.setLineDash([]);
-      ctx.lineWidth = 3 * px;
-      ctx.strokeStyle = style("--sheet");
-      ctx.strokeText(stretch.text, left, bottom - (5 + 13 * row) * px);
-      ctx.lineWidth = 1;
       ctx.fillStyle = style("--ink");
-      ctx.fillText(stretch.text, left, bottom - (5 + 13 * row) * px);
+      write(stretch.text, low, feet, (row) => bottom - (5 + 13 * row) * px);
     }
     ctx.strokeStyle = ctx.fillStyle = style("--ink-faint");
     ctx.setLineDash([4 * px, 4 * px]);
     const heads = [-Infinity, -Infinity, -Infinity];
     for (const { at, text } of within(data.markers ?? [])) {
       upright(at);
-      if (!text) continue;
-      const [left, row] = placed(text, at, heads);
-      ctx.fillText(text, left, top + (12 + 13 * row) * px);
+      write(text, at, heads, (row) => top + (12 + 13 * row) * px);
     }
     ctx.fillStyle = style("--event");
     for (const { at } of within((data.events ?? []).map((x) => ({ x })))) {
@@ -130,7 +120,10 @@ function ranged(element) {
   };
 }
 
-export function draw(element, data) {
+// in the place of the drawing that is there
+export function drawAnew(element, data) {
+  for (const one of plots.filter((each) => each.element === element)) plots.splice(plots.indexOf(one), 1)[0].plot.destroy();
+  element.querySelectorAll("svg.chart").forEach((svg) => svg.remove());
   const around = (_, low, high) => uPlot.rangeNum(Math.min(low, ...data.bands.map((band) => band.low)), Math.max(high, ...data.bands.map((band) => band.high)), 0.1, true);
   const axis = (label) => ({
     label,
@@ -148,7 +141,7 @@ export function draw(element, data) {
   const options = {
     width: Math.max(element.clientWidth, 240),
     height: Number(element.dataset.height ?? 240),
-    cursor: { sync: element.dataset.cursor ? { key: cursorOf(element.dataset.cursor) } : undefined, drag: { x: true, y: false } },
+    cursor: { sync: element.dataset.cursor ? { key: element.dataset.cursor } : undefined, drag: { x: true, y: false } },
     scales: { x: { time: false }, y: data.logarithmic ? { distr: 3 } : data.bands?.length ? { range: around } : {} },
     axes: [axis(data.x_label), { ...axis(data.y_label), size: 54 }],
     series: [
@@ -166,34 +159,20 @@ export function draw(element, data) {
   };
   const plot = new uPlot(options, [data.x, ...data.series.map((one) => one.y)], element);
   plots.push({ element, data, plot });
+  element.dataset.ready = "true";
   return plot;
 }
 
-// another drawing in the place of the one that is there, over the same stretch of x
-export function drawAnew(element, data) {
-  for (const one of plots.filter((each) => each.element === element)) {
-    plots.splice(plots.indexOf(one), 1);
-    one.plot.destroy();
-  }
-  draw(element, data);
-  element.dataset.ready = "true";
-}
-
 function redraw() {
-  for (const { element, data, plot } of plots.splice(0)) {
+  for (const { element, data, plot } of [...plots]) {
     const { min, max } = plot.scales.x;
-    plot.destroy();
-    draw(element, data).setScale("x", { min, max });
+    drawAnew(element, data).setScale("x", { min, max });
   }
 }
 
-export async function show(element) {
+async function show(element) {
   const answer = await fetch(element.dataset.plot, { headers: { Accept: "application/json" } });
-  if (!answer.ok) return; // the drawing of the server stays
-  const data = await answer.json();
-  element.querySelectorAll("svg.chart").forEach((svg) => svg.remove());
-  draw(element, data);
-  element.dataset.ready = "true";
+  if (answer.ok) drawAnew(element, await answer.json()); // or else the drawing of the server stays
 }
 
 export function start() {

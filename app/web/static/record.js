@@ -10,25 +10,12 @@ const LONGEST_S = 600; // the service takes no more
 
 const decibels = (value) => 20 * Math.log10(Math.max(value, 1e-6));
 
+// the parts of a file: one channel of 16 bit, in the byte order of every machine that has a browser
 function wav(blocks, rate) {
-  const count = blocks.reduce((sum, block) => sum + block.length, 0);
-  const view = new DataView(new ArrayBuffer(44 + 2 * count));
-  const text = (at, words) => [...words].forEach((letter, k) => view.setUint8(at + k, letter.charCodeAt(0)));
-  text(0, "RIFF");
-  view.setUint32(4, 36 + 2 * count, true);
-  text(8, "WAVEfmt ");
-  view.setUint32(16, 16, true);
-  view.setUint16(20, 1, true); // PCM
-  view.setUint16(22, 1, true); // one channel
-  view.setUint32(24, rate, true);
-  view.setUint32(28, 2 * rate, true);
-  view.setUint16(32, 2, true);
-  view.setUint16(34, 16, true);
-  text(36, "data");
-  view.setUint32(40, 2 * count, true);
-  let at = 44;
-  for (const block of blocks) for (const sample of block) (view.setInt16(at, sample, true), (at += 2));
-  return view.buffer;
+  const size = blocks.reduce((sum, block) => sum + block.byteLength, 0);
+  const format = [new Uint16Array([1, 1]), new Uint32Array([rate, 2 * rate]), new Uint16Array([2, 16])];
+  const riff = ["RIFF", new Uint32Array([36 + size]), "WAVE"];
+  return [...riff, "fmt ", new Uint32Array([16]), ...format, "data", new Uint32Array([size]), ...blocks];
 }
 
 /* one recorder in one form: what it records becomes the form's file */
@@ -38,20 +25,15 @@ export function recorder(root, form) {
   const player = document.createElement("audio");
   player.controls = true;
   let running = null;
-  root.hidden = false;
 
   async function begin() {
-    if (!navigator.mediaDevices?.getUserMedia) {
-      said.textContent = "This browser records only over HTTPS or on the machine of the service. Record with the telephone's own recorder and choose the file.";
-      return;
-    }
+    if (!navigator.mediaDevices?.getUserMedia) throw new Error("this browser records only over HTTPS or on the machine of the service. Record with the telephone's own recorder and choose the file.");
     const stream = await navigator.mediaDevices.getUserMedia({ audio: PLAIN });
     const context = new AudioContext();
     await context.audioWorklet.addModule(new URL("record-worklet.js", import.meta.url));
     const tap = new AudioWorkletNode(context, "tap", { numberOfOutputs: 0, channelCount: 1, channelCountMode: "explicit" });
-    const heard = { stream, context, blocks: [], samples: 0, full: 0, squares: 0, begun: new Date(), awake: null };
-    const changed = Object.entries(stream.getAudioTracks()[0].getSettings()).filter(([name, value]) => name in PLAIN && value === true);
-    heard.altered = changed.length > 0;
+    const heard = { stream, context, blocks: [], samples: 0, full: 0, squares: 0, begun: new Date() };
+    heard.altered = Object.entries(stream.getAudioTracks()[0].getSettings()).some(([name, value]) => name in PLAIN && value === true);
     tap.port.onmessage = ({ data }) => take(heard, data);
     context.createMediaStreamSource(stream).connect(tap);
     stream.getAudioTracks()[0].addEventListener("ended", end);
@@ -96,12 +78,9 @@ export function recorder(root, form) {
     button.setAttribute("aria-pressed", "false");
     level.hidden = true;
     const seconds = heard.samples / rate;
-    if (!heard.samples) {
-      said.textContent = "Nothing was recorded: the microphone gave no sound.";
-      return;
-    }
+    if (!heard.samples) return void (said.textContent = "Nothing was recorded: the microphone gave no sound.");
     const name = `recording ${heard.begun.toLocaleString("sv").replaceAll(":", "-")}.wav`;
-    const file = new File([wav(heard.blocks, rate)], name, { type: "audio/wav" });
+    const file = new File(wav(heard.blocks, rate), name, { type: "audio/wav" });
     const files = new DataTransfer();
     files.items.add(file);
     const input = form.querySelector("input[type=file]");
