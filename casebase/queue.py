@@ -46,7 +46,7 @@ def waiting(session: Session, naming: Collection[str], *, faults_first: bool = F
     Args:
         naming: ids of the recordings that name a fault that stands; see `casebase.gearbox_state`. A fault that was
             outweighed, or ended with a repair or an exchange, waits for nobody.
-        faults_first: likely faults before all others, for whoever acts on them.
+        faults_first: likely faults, then what is undecided, then what is unknown, for whoever acts on them.
     """
     order = ((StoredDiagnosis.verdict == UNKNOWN).desc(), StoredDiagnosis.probability, StoredDiagnosis.id.desc())
     of_gearbox = or_(StoredRecording.axis.is_not(None), StoredRecording.gearbox.is_not(None))
@@ -57,7 +57,7 @@ def waiting(session: Session, naming: Collection[str], *, faults_first: bool = F
         if verdict != FAULT or not known or recording_id in naming
     ]
     if faults_first:
-        rows.sort(key=lambda row: not row[0])
+        rows.sort(key=lambda row: (not row[0], row[2] == UNKNOWN))
     return {identity: verdict for _, identity, verdict in rows}
 
 

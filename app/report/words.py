@@ -59,7 +59,7 @@ UNKNOWN_CHECKS = (
     f"Record it again, {ALIKE}, to rule out a disturbance.",
     "If the sound is the same, have the gearbox inspected, and add what was found as a case with its label.",
 )
-GO_ON = "Plan an inspection: how long it can still run is not measured."
+GO_ON = "If nothing is found, plan an inspection: how long it can still run is not measured."
 EMPTY_CHECKS = ("Add recordings of which it is known what they are, or have cases simulated; then diagnose it again.",)
 
 
@@ -405,10 +405,10 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
     asked = [check for checks in faults for check in (checks[:-1] if len(faults) == 1 else checks[:1])]
     asked += [GO_ON] if found else []
     headline = f"Undecided: {names}"
-    if limit:
-        headline = f"Undecided: the recording is {limit}{f' to say which fault, {names}' if found else ''}"
-    elif found:
+    if found:
         headline = f"Fault likely, undecided which: {names}"
+    elif limit:
+        headline = f"Undecided: the recording is {limit}"
     elif _knows_one_label(document):
         headline = f"Undecided: the library knows one label alone, {names}"
     checks = _again(document) if limit else tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *asked)))

@@ -26,7 +26,7 @@ def test_what_the_library_knows_least_stands_first_and_what_needs_nobody_is_not_
     assert (fault.verdict, between.verdict, unlike.verdict) == ("diagnosed", "ambiguous", "not_in_library")
     with library.reading() as session:
         assert list(waiting(session, named)) == [unlike.id, between.id, fault.id]
-        assert list(waiting(session, named, faults_first=True)) == [fault.id, unlike.id, between.id], "for a shift"
+        assert list(waiting(session, named, faults_first=True)) == [fault.id, between.id, unlike.id], "for a shift"
     again = diagnose(library, [40.0, -40.0, *[0.0] * (SIZE - 2)], seed=4)
     with library.reading() as session:
         assert list(waiting(session, named)) == [again.id, between.id, fault.id], "of a recording the newest diagnosis"

@@ -140,5 +140,5 @@ def test_a_key_that_is_not_listed_stores_nothing(opened: Opened, site: Site) -> 
         page.locator("h1").first.click()
         page.keyboard.press("u")
         page.reload()
-        expect(page.get_by_role("region", name="Your verdict").get_by_text("Marked")).to_have_count(0)
+        expect(page.get_by_role("region", name="Your verdict, after a look").get_by_text("Marked")).to_have_count(0)
         assert page.locator("[data-key=u]").count() == 0

@@ -108,9 +108,7 @@ def headline(result: Investigation) -> str:
     usual = ", ".join(named(f.mechanism, f.location) for f in machine if is_in_every_axis(f.mechanism))
     found = "; ".join(_with_certainty(f) for f in machine if not is_in_every_axis(f.mechanism))
     if usual:
-        beside = (
-            f" {'Also missing' if found else 'Missing'} from the description, as every axis has it: {usual}.{beside}"
-        )
+        beside = f" No fault, for every axis has it, but not in the description: {usual}.{beside}"
     verb = "Found" if result.acoustic is None else "Heard"
     return f"{verb}: {found}.{beside}" if found else f"{_silent(result)}{beside}"
 
