@@ -6,11 +6,12 @@ third to the sound it is in counts as normal. Each way of using the library answ
 
 as they are: cases as they were recorded
 simulated shift: each case moved by the difference of simulated means of its label, from its point to the query's
-shrunk shift: the same, each feature as far as the library's own recordings follow the simulation
 linear shift: moved along the operating point by a ridge regression of the library's features
 calibrated shift: the simulated shift by 0, 1/2 or 1, and how sure an answer is, as the library's own gearboxes choose:
 each is left out and its cases are answered by the others, moved to the point of that case
 simulated alone: simulated cases at the query's point, and no measured one
+
+`--real`: recordings of test stands at other loads and speeds instead, for which no axis is described.
 
 Then what features can tell at all: a forest that was trained on the recordings of the other draws, each with its
 operating point. Last, where the simulation errs: for the features that count most, how its means follow the recordings
@@ -18,16 +19,19 @@ over operating points, and by how much they lie too high.
 """
 
 import argparse
+import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+import soundfile
 from numpy.typing import NDArray
 from sklearn.ensemble import RandomForestClassifier
 
 from app.recordings.intake import condition_on
 from app.simulated.generation import simulate_case
+from benchmarks.diagnosis import DATA
 from benchmarks.operating_points.gearboxes import AXIS, Fault, Label, OperatingPoint, Specimen
 from benchmarks.operating_points.sound import record
 from casebase.reasoning.classifier import Calibration, Classifier, log_odds
@@ -48,7 +52,6 @@ LABELS: tuple[Label, ...] = ("normal", "play", "notch")
 SPREAD, AUDIBLE, SIMULATED, ALONE = 0.35, 1 / 3, 100, 30
 FEATURES = 6
 PRIOR = 3.0  # simulated recordings that speak for no dependence on the operating point
-SHRINKING = 4.0  # 1 / variance of what the simulated shift may be wrong by, as a factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,6 +197,13 @@ def _within(labels: NDArray[np.str_], values: Floats) -> Floats:
     return np.nan_to_num(centred)
 
 
+def linear_shift(library: Library, point: Floats) -> Floats:
+    """Return what cases are moved by along the operating point."""
+    table, seen = _within(library.labels, library.points), _within(library.labels, library.values)
+    slopes = np.linalg.solve(table.T @ table + np.eye(table.shape[1]), table.T @ seen)
+    return np.asarray((point - library.points) @ slopes)
+
+
 def shifts(emulator: Emulator) -> dict[str, Shift]:
     """Return each way of moving the cases of a library to an operating point, shape (5,)."""
 
@@ -201,24 +211,9 @@ def shifts(emulator: Emulator) -> dict[str, Shift]:
         there = emulator.mean(list(library.labels), np.repeat(point[None], len(library.points), axis=0))
         return there - emulator.mean(list(library.labels), library.points)
 
-    def shrunk_shift(library: Library, point: Floats) -> Floats:
-        expected = _within(library.labels, emulator.mean(list(library.labels), library.points))
-        seen = _within(library.labels, library.values)
-        variance = np.maximum((seen**2).mean(axis=0), 1e-12)
-        factor = (SHRINKING + (expected * seen).sum(axis=0) / variance) / (
-            SHRINKING + (expected**2).sum(axis=0) / variance
-        )
-        return np.asarray(factor * simulated_shift(library, point))
-
-    def linear_shift(library: Library, point: Floats) -> Floats:
-        table, seen = _within(library.labels, library.points), _within(library.labels, library.values)
-        slopes = np.linalg.solve(table.T @ table + np.eye(table.shape[1]), table.T @ seen)
-        return np.asarray((point - library.points) @ slopes)
-
     return {
         "as they are": lambda library, _: np.zeros_like(library.values),
         "simulated shift": simulated_shift,
-        "shrunk shift": shrunk_shift,
         "linear shift": linear_shift,
     }
 
@@ -296,7 +291,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=4)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--real", action="store_true")
     asked = parser.parse_args()
+    if asked.real:
+        print("\n".join(measured()))
+        return
     with ProcessPoolExecutor(asked.jobs) as pool:
         made = [
             tuple(list(pool.map(recorded, part, chunksize=4)) for part in tasks_of(draw))
@@ -333,6 +332,34 @@ def main() -> None:
     everything = [each for pair in made for part in pair for each in part]
     print(f"a forest of the other draws: leads {_ceiling([[*library, *queries] for library, queries in made]):.2f}")
     print("\n".join(_errors(emulator, [each for each in everything if each.label == each.truth])))
+
+
+def measured() -> list[str]:
+    """Return lines of gears at loads to 20 % as cases and above as queries, and of motors to 1,700 rpm and above.
+
+    Each sensor of the gears is a library of its own. One assembly is good and one damaged: this tells assemblies apart.
+    """
+    lines = []
+    for folder, parts, border in (("spectraquest", r"(\w+)_()load(\d+)", 25.0), ("bldc", r"(\w+)_(M\d)_(\d+)", 1700.0)):
+        sounds: dict[int, list[tuple[bool, Recorded]]] = {}
+        for path in sorted((DATA / folder).iterdir()):
+            if found := re.fullmatch(parts, path.stem):
+                samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
+                label, value = "normal" if found[1] == "healthy" else "notch", float(found[3])
+                for sensor, each in enumerate(samples.T):
+                    taken = extract(Recording(each.copy(), float(rate)))
+                    values, point = comparable(NAMES, taken.features.values), np.array([value / border])
+                    one = Recorded(path.stem, label, label, point, values, taken)
+                    sounds.setdefault(sensor, []).append((value > border, one))
+        for name in ("as they are", "linear shift"):
+            answers = []
+            for own in sounds.values():
+                library = Library.of([one for is_asked, one in own if not is_asked])
+                for query in (one for is_asked, one in own if is_asked):
+                    shift = linear_shift(library, query.point) if name == "linear shift" else 0.0
+                    answers.append((query, answered(library.reasoner(library.values + shift), query)))
+            lines.append(f"{folder:13} {line(name, *zip(*answers, strict=True))}")
+    return lines
 
 
 def _errors(emulator: Emulator, recordings: Sequence[Recorded]) -> list[str]:

@@ -53,9 +53,8 @@ def asked(site: Site, identity: str) -> tuple[object, str]:
 def test_an_axis_without_description_is_investigated(opened: Opened, site: Site, unnamed: Path) -> None:
     with opened("operator", "/investigations/new") as page:
         drop(page, unnamed)
-        choose(page, 1, "time", "s")
-        choose(page, 2, "load position", "rad")
-        choose(page, 14, "motor torque", "A")
+        for column in ((1, "time", "s"), (2, "load position", "rad"), (14, "motor torque", "A")):
+            choose(page, *column)
         page.get_by_label("constant of column 14", exact=True).fill("1")
         page.get_by_label("Axis or robot").select_option("new")
         page.get_by_role("button", name="Investigate").click()

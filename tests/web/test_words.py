@@ -13,7 +13,7 @@ from app.report.charts import envelope
 from app.report.diagnosis_view import evidence_of, facts_of
 from app.report.formatting import NO_BREAK, percent
 from app.report.svg import Series, line_chart
-from app.report.words import CHECKS, GO_ON, remarks_beside, verdict_of
+from app.report.words import CHECKS, remarks_beside, verdict_of
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Discriminating
 
@@ -100,13 +100,6 @@ def test_of_a_recording_that_is_too_short_that_is_said_and_not_to_inspect_the_ge
     assert percent(0.897) not in told.sure
 
 
-def test_a_diagnosis_of_a_short_recording_says_so_first() -> None:
-    noted = {**SHORT, "reason": f"{SHORT['reason']}; record three or more", "severity": "note"}
-    told = verdict_of(document(quality=[noted]))
-    assert SHORT["reason"] in told.sure.lower()
-    assert "record" not in told.sure.replace("recording", "")
-
-
 @pytest.mark.parametrize(("present", "said"), [(True, "A fault is likely"), (None, "also be good")])
 def test_of_what_is_too_short_it_is_said_if_a_fault_is_likely(present: bool | None, said: str) -> None:
     told = verdict_of(undecided(quality=[SHORT], fault={"present": present, "probability": 0.8}))
@@ -120,11 +113,6 @@ def test_no_fault_says_what_the_motion_cannot_show() -> None:
     assert remarks_beside(told) == []
     faulty = document(remarks=told["remarks"])
     assert remarks_beside(faulty) == told["remarks"]
-
-
-def test_of_a_fault_it_is_open_whether_the_robot_may_go_on() -> None:
-    assert all(GO_ON in verdict_of(each).checks for each in (document(), undecided(), document(label="pitting")))
-    assert GO_ON not in verdict_of(document(label="normal", detection_limit={})).checks
 
 
 def test_a_step_by_hand_begins_with_securing() -> None:
