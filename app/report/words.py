@@ -399,7 +399,8 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
     left = "" if _knows_one_label(document) else _left(document)
     unsaid = limit or not (found or set(likely) & set(BASELINES))
     sure = " ".join(map(_reason, reasons)) if limit else border.strip()
-    sure = f"{_is_there(document, names)}{sure}" if unsaid else sure
+    why_open = f"The recording is {limit}. " if limit and found else ""
+    sure = f"{_is_there(document, names)}{why_open}{sure}" if unsaid else sure
     # what tells two faults apart is what each asks for first; that nothing is to be done cannot be said yet
     faults = [checks_of(document, label) for label in likely if label not in BASELINES]
     asked = [check for checks in faults for check in (checks[:-1] if len(faults) == 1 else checks[:1])]
@@ -412,7 +413,7 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
     elif _knows_one_label(document):
         headline = f"Undecided: the library knows one label alone, {names}"
     checks = _again(document) if limit else tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *asked)))
-    label, rest = likely[0] if found and not limit else None, f"{border if limit else ''}{left}{_support(document)}"
+    label, rest = likely[0] if found else None, f"{border if limit else ''}{left}{_support(document)}"
     sounds = "" if limit else why(document, likely)
     return Verdict(headline, sure, label, checks, (*reasons, *told), sounds, rest, tuple(likely), again=bool(limit))
 
