@@ -38,7 +38,7 @@ class GearboxRecording:
         verdict: of its diagnosis; None where there is none.
         label: the diagnosis' or, where a person said one, that.
         review: what a person made of the diagnosis; `confirmed` where a person labelled the recording as a case.
-        fault: whether an `ambiguous` diagnosis of a recording that is not poor says that there is a fault.
+        fault: whether an `ambiguous` diagnosis says that there is a fault; None of a recording that is too poor for it.
         left: the faults that it cannot exclude, where it says that there is one.
         timed: whether it is known when it was recorded; what is diagnosed counts as recorded when it came.
         by: who labelled or reviewed it.
@@ -220,7 +220,11 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, GearboxRec
     )
     for recording_id, identity, verdict, label, probability, state, revised, by, at, fault, labels, quality in given:
         if recording_id in heard and not (state == OPEN and heard[recording_id].review == "confirmed"):
-            poor = any(flag["severity"] == "poor" for flag in quality or ())
+            likely = fault is not None and fault["present"]  # that much a recording of one cycle tells
+            poor = any(
+                flag["severity"] == "poor" and not (likely and flag["name"].startswith("too_short"))
+                for flag in quality or ()
+            )
             present = None if revised or poor or fault is None else fault["present"]
             left = tuple(each for each in labels or () if each not in BASELINES) or (label,)
             heard[recording_id] = replace(

@@ -167,15 +167,15 @@ def undecided(service: Inside, gearbox: str, *left: str, sure: float, quality: S
 
 
 def test_a_fault_of_which_only_the_name_is_open_is_one_for_all_three(service: Inside) -> None:
-    undecided(service, "open", "notch", "play", "normal", sure=0.97)
+    short = {"name": "too_short_for_motion", "severity": "poor", "reason": "1.1 cycles", "value": 1.1}
+    undecided(service, "open", "notch", "play", "normal", sure=0.97, quality=[short])
     look(service)
     agree(service, "open", LIKELY, stands=True)
     assert messages(service, "open") == ["notch", None]
     assert "undecided which: tooth damage or backlash" in service.browse("GET", "/fleet").text
     given = service.ask("GET", f"{API}/alarms/deliveries?limit=200").json()["items"]
-    (told,) = (
-        each["message"] for each in given if each["message"]["gearbox"] == "open" and not each["message"]["label"]
-    )
+    sent = [each["message"] for each in given]
+    (told,) = (each for each in sent if each["gearbox"] == "open" and not each["label"])
     assert (told["verdict"], told["labels"], told["probability"]) == ("ambiguous", ["notch", "play"], 0.97)
 
 

@@ -14,7 +14,7 @@ from sim import mechanisms
 from sim.description.axis import Axis
 from sim.investigation.data.excitation import turns
 from sim.investigation.hypotheses.identifiability import HALF
-from sim.investigation.report.formatting import angle, likely, named, number, percent, sure, words_of
+from sim.investigation.report.formatting import angle, likely, named, number, sure, words_of
 from sim.investigation.report.maintenance_actions import SHOWN_RAD, measurement, of_the_measurement
 from sim.investigation.results import REPORTED
 from sim.investigation.unexplained import Unexplained
@@ -62,7 +62,7 @@ def explain(
         said.append(f"Its bottom is {bottom} (form {numbers['form']:.1f}).")
     said += [f"Where it is is not certain: at {place} it explains the data as well." for place in elsewhere]
     said += [
-        f"{named(other)[:1].upper()}{named(other)[1:]} is less likely: it explains {percent(share)} of what this explains."
+        f"{named(other)[:1].upper()}{named(other)[1:]} is possible too, but less likely."
         for other, share in instead.items()
         if share > ALIKE
     ]
@@ -108,7 +108,7 @@ def headline(result: Investigation) -> str:
     usual = ", ".join(named(f.mechanism, f.location) for f in machine if is_in_every_axis(f.mechanism))
     found = "; ".join(_with_certainty(f) for f in machine if not is_in_every_axis(f.mechanism))
     if usual:
-        beside = f" No fault, for every axis has it, but not in the description: {usual}.{beside}"
+        beside = f" Usual friction that the description lacks: {usual}.{beside}"
     verb = "Found" if result.acoustic is None else "Heard"
     return f"{verb}: {found}.{beside}" if found else f"{_silent(result)}{beside}"
 
