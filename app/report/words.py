@@ -27,7 +27,7 @@ CHECKS = {
         "the cycle changes.",
     ),
     "play": (
-        f"{SECURED} lock the motor and move the load by hand: the free travel is the backlash.",
+        f"{SECURED} keep the motor locked by its brake and move the load by hand: the free travel is the backlash.",
         "Check the preload and the fastening of the gear stage.",
         "Record again with another payload: backlash is heard where the torque reverses.",
     ),
@@ -59,7 +59,7 @@ UNKNOWN_CHECKS = (
     f"Record it again, {ALIKE}, to rule out a disturbance.",
     "If the sound is the same, have the gearbox inspected, and add what was found as a case with its label.",
 )
-GO_ON = "If nothing is found, plan an inspection: how long it can still run is not measured."
+GO_ON = "If it is found, plan its repair or exchange, if not, an inspection: how long it can still run is not measured."
 EMPTY_CHECKS = ("Add recordings of which it is known what they are, or have cases simulated; then diagnose it again.",)
 
 
@@ -377,7 +377,7 @@ def _not_in_library(document: Mapping[str, Any]) -> Verdict:
         summary = " ".join(map(sentence, (*too_short(document), *remarks)))
         return Verdict(f"No answer: {EMPTY}", summary, None, EMPTY_CHECKS, remarks)
     told = (*reasons, *(why or _remarks(document, UNLIKE)))
-    summary = " ".join(map(_reason, reasons if limit else told))
+    summary = " ".join(map(_reason, (*reasons, "this says nothing of the gearbox") if limit else told))
     kinds = (
         f"the one kind it knows, {name_of(document['hypotheses'][0]['label'])}" if _knows_one_label(document) else ""
     )

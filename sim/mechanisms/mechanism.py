@@ -225,9 +225,9 @@ class Discriminating(Enum):
     """
 
     AT_REST = (
-        "Support the load (it may drop when the brake is released), let the drive hold the axis at rest with the brake "
-        "open and log the torque, then move with nobody near it at two speeds in both directions: an offset is the "
-        "same in all of it, friction that differs by direction is not."
+        "With nobody near (the load may drop when the brake is released), let the drive hold the axis at rest with the "
+        "brake open and log the torque, then move it at two speeds in both directions: an offset is the same in all of "
+        "it, friction that differs by direction is not."
     )
     BY_SECOND_ENCODER = (
         "Put a dial gauge, a second encoder or a laser at the load and turn it slowly once: runout of the gear moves "

@@ -108,7 +108,7 @@ def headline(result: Investigation) -> str:
     usual = ", ".join(named(f.mechanism, f.location) for f in machine if is_in_every_axis(f.mechanism))
     found = "; ".join(_with_certainty(f) for f in machine if not is_in_every_axis(f.mechanism))
     if usual:
-        beside = f" Usual friction that the description lacks: {usual}.{beside}"
+        beside = f" Not faults, but missing from the description: {usual}.{beside}"
     verb = "Found" if result.acoustic is None else "Heard"
     return f"{verb}: {found}.{beside}" if found else f"{_silent(result)}{beside}"
 

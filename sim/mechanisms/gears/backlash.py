@@ -32,7 +32,7 @@ class Backlash(Mechanics):
         "reversal of torque the load moves freely until the opposite tooth flanks meet."
     )
     action = (
-        f"{SECURED} lock the motor, move the load by hand to and fro and read the free travel at the {{where}} "
+        f"{SECURED} keep the motor locked, move the load by hand to and fro and read the free travel at the {{where}} "
         "gear; compare it with what the maker allows, and check preload, centre distance and fastening of that stage. "
         "Plan it for the next stop; sooner where the axis must hold a position."
     )
