@@ -69,6 +69,7 @@ class Known:
     signature: tuple[object, ...]
     histories: tuple[History, ...]
     trend: Trend | None
+    _standings: dict[bool, Standing] = field(default_factory=dict, compare=False)
 
     @property
     def in_service(self) -> History | None:
@@ -79,6 +80,13 @@ class Known:
     def fault(self) -> NamedFault | None:
         """The fault of it that stands; None where none does."""
         return None if self.in_service is None else standing_fault(self.in_service)
+
+    def standing(self, history: History, now: datetime, silent_after: timedelta) -> Standing:
+        """Return the state of the gearbox in service; time changes it only where it was not recorded for long."""
+        is_silent = bool(history.heard) and now - history.heard[-1].at > silent_after
+        if is_silent not in self._standings:
+            self._standings[is_silent] = standing(history, self.trend, now, silent_after)
+        return self._standings[is_silent]
 
 
 @dataclass
@@ -99,9 +107,9 @@ class Fleet:
     ) -> Sequence[Gearbox]:
         """Return every gearbox in service and every axis without one, the worst first; of one axis, or of all."""
         rows = [
-            Gearbox(here, gearbox, standing(known.in_service, known.trend, now, silent_after))
+            Gearbox(here, gearbox, known.standing(serving, now, silent_after))
             for (here, gearbox), known in self._current(session, axis).items()
-            if here is not None and known.in_service is not None
+            if here is not None and (serving := known.in_service) is not None
         ]
         heard = {row.axis for row in rows}
         rows += [Gearbox(name, None, None) for name in described(session, axis) if name not in heard]
