@@ -1,8 +1,9 @@
 """Does a simulation of the axis carry cases to another operating point?
 
-`python -m benchmarks.operating_points [--draws 4] [--jobs 2]`. Every recording has a motion, speed and payload of its
-own. The library has 5 or 10 gearboxes, four recordings each; queries are of 60 others. A fault that adds less than a
-third to the sound it is in counts as normal. Each way of using the library answers the same queries:
+`python -m benchmarks.operating_points [--draws 4] [--first 1] [--telemetry] [--jobs 2]`. Every recording has a motion,
+speed and payload of its own. The library has 5 or 10 gearboxes, four recordings each; queries are of 60 others. A fault
+that adds less than a third to the sound it is in counts as normal. Each way of using the library answers the same
+queries:
 
 as they are: cases as they were recorded
 simulated shift: each case moved by the difference of simulated means of its label, from its point to the query's
@@ -22,7 +23,9 @@ import argparse
 import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import soundfile
@@ -39,7 +42,9 @@ from casebase.reasoning.diagnosis import DIAGNOSED_FROM, Reasoner
 from casebase.reasoning.novelty import RATIOS, comparable
 from casebase.reasoning.priors import prior_weights
 from casebase.search.case_table import CaseTable
+from signals.errors import TelemetryError
 from signals.features import EXTRACTOR_VERSION, NAMES, Extraction, extract
+from signals.measured_motion import measured_motion
 from signals.recording import Recording
 from sim.description.axis import Motion
 from sim.description.axis_document import read_axis
@@ -134,13 +139,18 @@ def drawn(rng: np.random.Generator) -> OperatingPoint:
     return OperatingPoint.draw(rng, ("trapezoid", "s_curve", "sine")[rng.integers(3)], SPREAD)
 
 
-def recorded(task: tuple[int, Label, int]) -> Recorded:
+def recorded(task: tuple[int, Label, int], with_telemetry: bool = False) -> Recorded:
     """Record a gearbox with a label at a point drawn by the seed, and take features as the service does."""
     gearbox, label, seed = task
     rng = np.random.default_rng([seed, 17])
     point = drawn(rng)
-    made = record(Specimen.draw(gearbox), None if label == "normal" else Fault.draw(rng, label), point, seed)
+    fault = None if label == "normal" else Fault.draw(rng, label)
+    made = record(Specimen.draw(gearbox), fault, point, seed, with_telemetry=with_telemetry)
     condition = condition_on(DESCRIBED, motion_of(point).load_speed_rad_s, point.payload_kg_m2)
+    if made.telemetry is not None:
+        with suppress(TelemetryError):  # less than one way from end to end
+            motion = measured_motion(made.telemetry.time_s, made.telemetry.load_angle_rad)
+            condition = replace(condition, **motion.condition(0.0, 20.0))
     extraction = extract(Recording(made.samples.astype(np.float32), float(made.rate)), condition)
     truth = label if label == "normal" or made.audible >= AUDIBLE else "normal"
     values = comparable(NAMES, extraction.features.values)
@@ -291,6 +301,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=4)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--telemetry", action="store_true", help="the motion is measured")
     parser.add_argument("--real", action="store_true")
     asked = parser.parse_args()
     if asked.real:
@@ -298,8 +310,11 @@ def main() -> None:
         return
     with ProcessPoolExecutor(asked.jobs) as pool:
         made = [
-            tuple(list(pool.map(recorded, part, chunksize=4)) for part in tasks_of(draw))
-            for draw in range(1, asked.draws + 1)
+            tuple(
+                list(pool.map(partial(recorded, with_telemetry=asked.telemetry), part, chunksize=4))
+                for part in tasks_of(draw)
+            )
+            for draw in range(asked.first, asked.first + asked.draws)
         ]
         cases = {
             label: list(pool.map(simulated, [(label, number) for number in range(SIMULATED)], chunksize=4))
