@@ -10,7 +10,7 @@ from app.http.errors import TooLarge, Unprocessable
 from app.http.uploads import Upload, UploadedFile
 from app.investigations import Measured, Question, files_of, get_investigation, map_before, take_in, take_in_robot
 from app.service import Service
-from casebase.axes import get_axis, is_axis
+from casebase.axes import find_axis, get_axis
 from casebase.diagnoses import get_diagnosis
 from casebase.store import revisions
 from casebase.store.models import RobotRevision, StoredInvestigation
@@ -70,7 +70,7 @@ def completed(service: Service, upload: Upload) -> Upload:
     new = upload.fields.pop("new_name", "")
     if kind == "new" and new:
         with service.library.reading() as session:
-            if is_axis(session, new):
+            if find_axis(session, new) is not None:
                 raise Unprocessable(f"There is an axis {new!r}: choose it from the list, or give another name.")
         upload.fields["axis"] = json.dumps({**UNDESCRIBED, "name": new})
     if name and not given(upload, "axis", "robot", "urdf"):

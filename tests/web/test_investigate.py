@@ -50,7 +50,10 @@ def asked(site: Site, identity: str) -> tuple[object, str]:
         return row.axis, str(row.inputs["channels"])
 
 
-def test_an_axis_without_description_is_investigated(opened: Opened, site: Site, unnamed: Path) -> None:
+@pytest.mark.parametrize("_", ["first", "second"])
+def test_logs_of_an_axis_without_description_are_investigated(
+    opened: Opened, site: Site, unnamed: Path, _: str
+) -> None:
     with opened("operator", "/investigations/new") as page:
         drop(page, unnamed)
         for column in ((1, "time", "s"), (2, "load position", "rad"), (14, "motor torque", "A")):
