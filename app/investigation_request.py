@@ -68,7 +68,7 @@ def completed(service: Service, upload: Upload) -> Upload:
     upload = upload.filled()
     kind, _, name = upload.fields.pop("subject", "").partition("/")
     new = upload.fields.pop("new_name", "")
-    if kind == "new" and new:
+    if kind == "new" and new and not given(upload, "axis", "robot", "urdf"):
         with service.library.reading() as session:
             if find_axis(session, new) is not None:
                 raise Unprocessable(f"There is an axis {new!r}: choose it from the list, or give another name.")

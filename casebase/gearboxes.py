@@ -5,7 +5,7 @@ begins with it, under the same name or another. A microphone that was moved ends
 same.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
@@ -220,12 +220,7 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, GearboxRec
     )
     for recording_id, identity, verdict, label, probability, state, revised, by, at, fault, labels, quality in given:
         if recording_id in heard and not (state == OPEN and heard[recording_id].review == "confirmed"):
-            likely = fault is not None and fault["present"]  # that much a recording of one cycle tells
-            poor = any(
-                flag["severity"] == "poor" and not (likely and flag["name"].startswith("too_short"))
-                for flag in quality or ()
-            )
-            present = None if revised or poor or fault is None else fault["present"]
+            present = None if revised or fault is None or is_too_poor(quality or (), fault) else fault["present"]
             left = tuple(each for each in labels or () if each not in BASELINES) or (label,)
             heard[recording_id] = replace(
                 heard[recording_id],
@@ -241,6 +236,12 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, GearboxRec
                 judged_at=at,
             )
     return heard
+
+
+def is_too_poor(quality: Iterable[Mapping[str, Any]], fault: Mapping[str, Any]) -> bool:
+    """Whether a recording is too poor to tell if there is a fault; that there is one a short recording tells, too."""
+    poor = (flag["name"] for flag in quality if flag["severity"] == "poor")
+    return any(not (fault["present"] and name.startswith("too_short")) for name in poor)
 
 
 def gearbox_names(session: Session, axis: str | None = None, holding: str = "", most: int = 200) -> Sequence[str]:

@@ -165,7 +165,7 @@ def steps_after(fault: NamedFault) -> tuple[str, ...]:
     wanted = 0 if fault.found else max(fault.still_asked_for, 0)
     good = f"Record it again: after {wanted} more that sound{'s' if wanted == 1 else ''} good it counts as good."
     faults = dict.fromkeys(checks_of(None, one.label or "")[0] for one in reversed(fault.named))
-    return (*faults, *((good,) if wanted else ()), REJECT, GO_ON)
+    return (*faults, *((good,) if wanted else ()), REJECT, REPAIR if fault.found else GO_ON)
 
 
 def next_steps(standing: Standing | None, document: Document | None = None) -> tuple[str, ...]:
@@ -181,7 +181,7 @@ def next_steps(standing: Standing | None, document: Document | None = None) -> t
         case Reason.NAMED:
             return checks_of(document, label)
         case Reason.FOUND:
-            return (REPAIR, *checks_of(document, label))
+            return (REPAIR, *checks_of(document, label)[:-1])
         case Reason.CHANGED if standing.trend is not None:
             sign = risen(standing.trend)[1] or ""
             return (SOON, checks_of(document, sign)[0] if sign else "Have it inspected if it keeps on rising.")

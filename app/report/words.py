@@ -8,6 +8,7 @@ from markupsafe import Markup
 
 from app.report.formatting import WORDS, name_of, percent, person, quantity, sentence
 from app.report.svg import sign_of
+from casebase.gearboxes import is_too_poor
 from casebase.labels import BASELINES
 from casebase.reasoning.diagnosis import DIAGNOSED_FROM, EXCLUDED_BELOW
 from casebase.store.models import StoredDiagnosis
@@ -399,21 +400,22 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
     left = "" if _knows_one_label(document) else _left(document)
     unsaid = limit or not (found or set(likely) & set(BASELINES))
     sure = " ".join(map(_reason, reasons)) if limit else border.strip()
-    why_open = f"The recording is {limit}. " if limit and found else ""
+    why_open = f"The recording is {limit}. " if limit == "too short" and found else ""
     sure = f"{_is_there(document, names)}{why_open}{sure}" if unsaid else sure
     # what tells two faults apart is what each asks for first; that nothing is to be done cannot be said yet
     faults = [checks_of(document, label) for label in likely if label not in BASELINES]
     asked = [check for checks in faults for check in (checks[:-1] if len(faults) == 1 else checks[:1])]
     asked += [GO_ON] if found else []
+    likely_fault = found and not is_too_poor(document["quality"], document["fault"])
     headline = f"Undecided: {names}"
-    if found:
+    if likely_fault:
         headline = f"Fault likely, undecided which: {names}"
     elif limit:
-        headline = f"Undecided: the recording is {limit}"
+        headline = f"Undecided: the recording is {limit}{f' to say which fault, {names}' if found else ''}"
     elif _knows_one_label(document):
         headline = f"Undecided: the library knows one label alone, {names}"
     checks = _again(document) if limit else tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *asked)))
-    label, rest = likely[0] if found else None, f"{border if limit else ''}{left}{_support(document)}"
+    label, rest = likely[0] if likely_fault else None, f"{border if limit else ''}{left}{_support(document)}"
     sounds = "" if limit else why(document, likely)
     return Verdict(headline, sure, label, checks, (*reasons, *told), sounds, rest, tuple(likely), again=bool(limit))
 

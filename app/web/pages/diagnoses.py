@@ -240,7 +240,7 @@ def report_html(session: Reading, service: TheService, _: PageViewer, diagnosis_
 
 @router.get("/queue")
 def queue(request: Request, service: TheService, session: Reading, _: PageViewer) -> Response:
-    """The diagnoses that need a person: likely faults first, then the most informative."""
+    """The diagnoses that need a person: likely faults, then what is undecided, then what is unknown."""
     naming = service.fleet.naming(session)
     found = waiting(session, naming, faults_first=True)
     shown = list(found)[:ROWS]

@@ -116,7 +116,7 @@ export function investigation(form) {
   function lacking() {
     const given = (...names) => names.some((name) => field(name)?.value);
     if (!given("subject", "axis", "robot", "urdf", "again", "diagnosis")) return [field("subject"), "Choose an axis or a robot."];
-    if (isNew() && !given("new_name")) return [field("new_name"), "Give the new axis a name."];
+    if (isNew() && !given("new_name", "axis", "robot", "urdf")) return [field("new_name"), "Give the new axis a name."];
     return given("telemetry", "sound", "again", "diagnosis") ? null : [field("telemetry"), "Choose the log of the drive, or a sound."];
   }
   function outstanding() {
@@ -148,6 +148,7 @@ export function investigation(form) {
     return taken("").length + taken(TIME).length < rows.length ? null : [rate, "Choose what the other columns are: torque or current, and position or speed."];
   }
   function refused({ message }) {
+    if (isNew() && message.startsWith("There is an axis")) return say(field("new_name"), message);
     const named = message.match(/the column (.+?) holds/)?.[1];
     const fits = rows.filter((row) => channel(row) && (String(row.key) === named || message.includes(channel(row))));
     const row = fits.find((each) => message.includes(`${joints[joint(each)]}: `)) ?? fits[0];
