@@ -395,18 +395,18 @@ def _undecided(document: Mapping[str, Any]) -> Verdict:
     (limit, reasons), (border, told) = _limit(document), _border(document)
     labels = [hypothesis["label"] for hypothesis in document["hypotheses"]]
     found = names_fault(document)
+    likely_fault = found and not is_too_poor(document["quality"], document["fault"])
     likely = [label for label in labels if not (found and label in BASELINES)][:2]
     names = " or ".join(map(name_of, likely))
     left = "" if _knows_one_label(document) else _left(document)
     unsaid = limit or not (found or set(likely) & set(BASELINES))
     sure = " ".join(map(_reason, reasons)) if limit else border.strip()
-    why_open = f"The recording is {limit}. " if limit == "too short" and found else ""
+    why_open = f"The recording is {limit}. " if limit and likely_fault else ""
     sure = f"{_is_there(document, names)}{why_open}{sure}" if unsaid else sure
     # what tells two faults apart is what each asks for first; that nothing is to be done cannot be said yet
     faults = [checks_of(document, label) for label in likely if label not in BASELINES]
     asked = [check for checks in faults for check in (checks[:-1] if len(faults) == 1 else checks[:1])]
     asked += [GO_ON] if found else []
-    likely_fault = found and not is_too_poor(document["quality"], document["fault"])
     headline = f"Undecided: {names}"
     if likely_fault:
         headline = f"Fault likely, undecided which: {names}"

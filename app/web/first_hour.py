@@ -151,6 +151,11 @@ class Hour:
         return max(0, ENOUGH - self.good)
 
     @property
+    def is_calibrated(self) -> bool:
+        """Whether the library knows enough gearboxes for how sure it is to be calibrated."""
+        return self.gearboxes >= CALIBRATED_FROM
+
+    @property
     def is_asked(self) -> bool:
         """Whether it is being worked out how well the library does."""
         return self.evaluation is None and bool(self.known.measured or self.known.simulated)
